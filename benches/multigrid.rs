@@ -23,7 +23,7 @@ use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, StepMatrices, Time
 use sprung::linear::{
     CgSolver, CustomPreconditioner, PreconditionerKind, Prepare, SolveFailure, SolverChoice, SolverOptions,
 };
-use sprung::multigrid::{Multigrid, Part};
+use sprung::multigrid::Multigrid;
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::scene::builtin;
 use sprung::work::Work;
@@ -87,18 +87,11 @@ impl Clock {
     }
 }
 
-/// What set-up and solve are made of, in the order of the table.
-const ROWS: [&str; 9] = [
-    "set-up: smoother",
-    "set-up: prolongator",
-    "set-up: first coarse matrix",
-    "set-up: coarse levels",
-    "conversion",
-    "smoothing, finest level",
-    "transfers",
-    "coarse levels",
-    "conjugate gradients",
-];
+/// Parts of a set-up and a solve.
+const ROWS: [&str; 4] = ["set-up: smoother", "set-up: coarse levels", "cycles", "conjugate gradients"];
+
+/// Rows of the set-up.
+const SETUP: usize = 2;
 
 /// Milliseconds by rows, and those of products beside the set-up and beside the cycles.
 #[derive(Debug, Clone, Default)]
@@ -109,28 +102,15 @@ struct Times {
 }
 
 impl Times {
-    fn done(&mut self, part: Part, time: f64) {
-        let row = match part {
-            Part::Prolongator => 1,
-            Part::CoarseMatrix => 2,
-            Part::CoarseSetup => 3,
-            Part::Conversion => 4,
-            Part::Smoothing => 5,
-            Part::Transfer => 6,
-            Part::CoarseLevels => 7,
-        };
-        self.rows[row] += time;
-    }
-
     /// The rows in products.
     fn units(&self) -> [f64; ROWS.len()] {
         let mean = |products: &[f64]| products.iter().sum::<f64>() / products.len() as f64;
         let (setup, solve) = (mean(&self.setup_products), mean(&self.products));
-        std::array::from_fn(|row| self.rows[row] / if row < 4 { setup } else { solve })
+        std::array::from_fn(|row| self.rows[row] / if row < SETUP { setup } else { solve })
     }
 }
 
-/// Multigrid that times its parts, and a product beside them.
+/// Multigrid that is timed, with a product beside it.
 #[derive(Debug)]
 struct Timed {
     multigrid: Multigrid,
@@ -158,7 +138,8 @@ impl CustomPreconditioner for Timed {
             if part == 0 {
                 self.multigrid.refill(a).unwrap();
                 times.rows[0] = clock.lap();
-                self.multigrid.rebuild_watched(a, &mut |part| times.done(part, clock.lap())).unwrap();
+                self.multigrid.rebuild(a).unwrap();
+                times.rows[1] = clock.lap();
             }
         }
         Ok(())
@@ -167,7 +148,8 @@ impl CustomPreconditioner for Timed {
     fn apply(&mut self, r: &[f64], z: &mut [f64]) {
         let mut times = self.times.lock().unwrap();
         let mut clock = Clock::now();
-        self.multigrid.apply_watched(r, z, &mut |part| times.done(part, clock.lap()));
+        self.multigrid.apply(r, z);
+        times.rows[2] += clock.lap();
         self.a.apply(&self.w, &mut self.y);
         times.products.push(clock.lap());
     }
@@ -195,8 +177,8 @@ fn solve((kind, size): (&str, &str), stiffer: f64, option: &str) {
     let mut clock = Clock::now();
     let mut multigrid = Multigrid::new(system).unwrap();
     let analysis = clock.lap();
-    multigrid.place(&state.positions);
-    let (levels, bytes) = (multigrid.levels(), multigrid.bytes() / system.particles());
+    multigrid.set_positions(&state.positions);
+    let levels = multigrid.levels();
     // Its memory is touched for the first time here.
     multigrid.refill(&a).and_then(|()| multigrid.rebuild(&a)).unwrap();
     let first = clock.lap();
@@ -216,7 +198,7 @@ fn solve((kind, size): (&str, &str), stiffer: f64, option: &str) {
         solver.solve(&b, &mut x, &mut work).unwrap();
         let whole = clock.lap();
         let mut times = times.lock().unwrap().clone();
-        times.rows[8] = whole - times.rows[4..8].iter().sum::<f64>() - times.products.iter().sum::<f64>();
+        times.rows[3] = whole - times.rows[2] - times.products.iter().sum::<f64>();
         let units = times.units().iter().sum();
         if best.as_ref().is_none_or(|&(_, least)| units < least) {
             best = Some((times, units));
@@ -228,18 +210,18 @@ fn solve((kind, size): (&str, &str), stiffer: f64, option: &str) {
     let product = times.products.iter().sum::<f64>() / times.products.len() as f64;
     println!(
         "{kind} {size} ×{stiffer} {}: {iterations} iterations, {whole:.0} products: set-up {:.0}, solve {:.0} ({:.2} an iteration); a product \
-         {product:.2} ms; analysis {:.0} products, first set-up {:.0}; {bytes} B a particle, nodes {:?}, entries {:.2}",
+         {product:.2} ms; analysis {:.0} products, first set-up {:.0}; nodes {:?}, entries {:.2}",
         option.name(),
-        units[..4].iter().sum::<f64>(),
-        units[4..].iter().sum::<f64>(),
-        units[4..].iter().sum::<f64>() / iterations as f64,
+        units[..SETUP].iter().sum::<f64>(),
+        units[SETUP..].iter().sum::<f64>(),
+        units[SETUP..].iter().sum::<f64>() / iterations as f64,
         analysis / product,
         first / product,
         levels.iter().map(|level| level.nodes).collect::<Vec<_>>(),
         levels.iter().map(|level| level.entries).sum::<usize>() as f64 / levels[0].entries as f64,
     );
     for (row, (name, units)) in ROWS.iter().zip(units).enumerate() {
-        let each = if row < 4 { String::new() } else { format!(", {:.2} an iteration", units / iterations as f64) };
+        let each = if row < SETUP { String::new() } else { format!(", {:.2} an iteration", units / iterations as f64) };
         println!("    {name}: {units:.1}{each}");
     }
 }

@@ -59,7 +59,7 @@ pub(crate) fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("t = {} s, particle 3 held at y = {:.2} m", state.time, place.y);
     assert_eq!((state.time, state.positions[3], state.positions[0].y), (2.5, place, 0.0));
     assert_eq!((caught.springs().len(), caught.springs()[0].stiffness, caught.loads().drag.len()), (3, 2000.0, 5));
-    // What was released and torn off had fallen freely but for the drag: half a second more than it was let go for.
+    // Released and torn off, the particle fell freely but for the drag until it was caught.
     assert!(place.y < -2.0 && linear_momentum(&caught, &state).norm() > 0.0);
     Ok(())
 }

@@ -8,9 +8,9 @@ use std::ops::ControlFlow;
 
 #[derive(Debug)]
 struct Wind {
-    /// Of the air, in m/s.
+    /// Velocity of the air, in m/s.
     speed: f64,
-    /// Of a particle, in N·s/m.
+    /// Drag coefficient of a particle, in N·s/m.
     drag: f64,
 }
 

@@ -5,7 +5,7 @@
 
 use sprung::assembly::{SpringPattern, SystemMatrix};
 use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, TimeStepper};
-use sprung::linear::{Definiteness, Held, LinearSolver, Solution, SolveFailure};
+use sprung::linear::{Definiteness, LinearSolver, PreparedMatrix, Solution, SolveFailure};
 use sprung::nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use sprung::operator::{LinearOperator, SystemOperator};
 use sprung::work::Work;
@@ -28,7 +28,7 @@ impl LinearSolver for Dense {
         "dense"
     }
 
-    fn take(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+    fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
         self.matrix.refill(a);
         work.factorizations += 1;
         self.factor = Cholesky::new(DMatrix::from(&self.matrix.matrix().to_csc()));
@@ -38,7 +38,13 @@ impl LinearSolver for Dense {
         }
     }
 
-    fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
+    fn solve(
+        &mut self,
+        a: PreparedMatrix<'_>,
+        b: &[f64],
+        x: &mut [f64],
+        work: &mut Work,
+    ) -> Result<Solution, SolveFailure> {
         let factor = self.factor.as_ref().ok_or(SolveFailure::Unprepared)?;
         work.solves += 1;
         let b = DVector::from_column_slice(b);

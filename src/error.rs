@@ -1,15 +1,15 @@
-//! The crate's error: what made an input unusable, and where.
+//! Errors: unusable inputs, with their location.
 //!
-//! An [`Error`] always means that nothing was computed. A computation that starts and then breaks down is not an
-//! error but an outcome with a status, see [`StepFailure`](crate::integrate::StepFailure).
+//! An [`Error`] means that nothing was computed. A computation that breaks down is an outcome with a status instead, see
+//! [`StepFailure`](crate::integrate::StepFailure).
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Result of everything that reads or checks an input.
+/// The result of reading or checking an input.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Why an input cannot be used.
+/// An input that cannot be used, and the reason.
 ///
 /// # Examples
 /// ```
@@ -28,12 +28,12 @@ pub enum Error {
     /// A value in a scene, or given to a [`SystemBuilder`](crate::SystemBuilder), breaks a rule.
     #[error(transparent)]
     Invalid(#[from] Invalid),
-    /// A file does not follow its format (TOML, JSON, OBJ).
+    /// A file does not follow its format.
     #[error("{}: {}", file.display(), shortened(message))]
     Format {
         /// The file.
         file: PathBuf,
-        /// What the parser says, with key or line and column.
+        /// The parser's message, with key or line and column.
         message: String,
     },
     /// A file or folder cannot be read or written.
@@ -41,41 +41,40 @@ pub enum Error {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// The operating system's reason.
+        /// The error of the operating system.
         source: std::io::Error,
     },
-    /// A configuration in which a spring has no direction.
+    /// A spring has coincident ends, and so no direction.
     #[error(transparent)]
     DegenerateSpring(#[from] DegenerateSpring),
-    /// Something does not fit the memory, limits included: nothing of it was allocated.
+    /// An allocation exceeds the available memory or its limit, and was not made.
     #[error("{what} takes {}, and there is room for {}", readable(*bytes), readable(*room))]
     TooLarge {
-        /// What.
+        /// The name of the data.
         what: &'static str,
-        /// About how many bytes it takes.
+        /// The size, in bytes.
         bytes: u64,
-        /// How many there are.
+        /// The available memory, in bytes.
         room: u64,
     },
-    /// A scene that there is no reader or no recipe for.
+    /// A scene that cannot be read or generated.
     #[error("{0}")]
     Scene(String),
-    /// What was asked for does not exist in this combination.
+    /// An unsupported combination of options.
     #[error("{0}")]
     Unsupported(String),
-    /// The command's arguments do not fit together or do not fit the scene.
+    /// Command-line arguments that contradict each other or the scene.
     #[error("{0}")]
     Usage(String),
 }
 
 impl Error {
-    /// Wraps an operating-system error with the path that it is about.
+    /// An error of the operating system at a path.
     pub fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
         Self::Io { path: path.into(), source }
     }
 
-    /// Names the file in which an invalid value or a degenerate spring stands, unless one is named already; leaves
-    /// every other error as it is.
+    /// Adds the file to an invalid value or a degenerate spring that has none yet. Other errors are returned unchanged.
     pub fn in_file(self, path: impl AsRef<Path>) -> Self {
         match self {
             Self::Invalid(invalid) if invalid.file.is_none() => {
@@ -91,7 +90,7 @@ impl Error {
     }
 }
 
-/// Refuses a vector of the wrong length.
+/// An error unless a vector has the expected length.
 pub(crate) fn check_length(name: &str, found: usize, expected: usize) -> Result<()> {
     if found == expected {
         return Ok(());
@@ -99,7 +98,7 @@ pub(crate) fn check_length(name: &str, found: usize, expected: usize) -> Result<
     Err(Invalid::new(name, format!("{found} entries"), format!("must have {expected}")).into())
 }
 
-/// Bytes as people read them.
+/// A size in kB, MB or GB.
 fn readable(bytes: u64) -> String {
     let bytes = bytes as f64;
     match bytes {
@@ -109,12 +108,9 @@ fn readable(bytes: u64) -> String {
     }
 }
 
-/// Characters of a text that a message quotes at most at each end.
-const QUOTED: usize = 200;
-
-/// A text as a message quotes it. What is wrong with a file may be as long as the file; its beginning and its end, which has the
-/// position, tell enough.
+/// The first and last 200 characters of a long text: a wrong value may be as long as its file, and the end has the position.
 fn shortened(text: &str) -> std::borrow::Cow<'_, str> {
+    const QUOTED: usize = 200;
     let count = text.chars().count();
     if count <= 3 * QUOTED {
         return text.into();
@@ -141,16 +137,13 @@ pub struct Invalid {
     pub file: Option<PathBuf>,
     /// The scene's key in dotted form, for example `particles.masses`.
     pub key: String,
-    /// Position in the list that the key names.
+    /// The index in the list.
     pub index: Option<usize>,
-    /// The offending value as text.
+    /// The value as text.
     pub value: String,
-    /// The rule that it breaks.
+    /// The rule that the value breaks.
     pub rule: String,
 }
-
-/// Numbers of more characters are written with an exponent.
-const PLAIN: usize = 24;
 
 impl Invalid {
     /// An invalid value of `key`, to be completed by [`at`](Self::at).
@@ -158,7 +151,7 @@ impl Invalid {
         Self { file: None, key: key.into(), index: None, value: value.to_string(), rule: rule.into() }
     }
 
-    /// Says at which index of the list the value stands.
+    /// Adds the index of the value in its list.
     pub fn at(self, index: usize) -> Self {
         Self { index: Some(index), ..self }
     }
@@ -174,8 +167,8 @@ impl fmt::Display for Invalid {
             write!(f, "[{index}]")?;
         }
         let value = match self.value.parse::<f64>() {
-            // Of many zeros nobody counts how many.
-            Ok(number) if self.value.len() > PLAIN => format!("{number:e}").into(),
+            // 24 characters hold every double in plain notation that is not mostly zeros.
+            Ok(number) if self.value.len() > 24 => format!("{number:e}").into(),
             _ => shortened(&self.value),
         };
         write!(f, " = {value}: {}", shortened(&self.rule))
@@ -184,7 +177,7 @@ impl fmt::Display for Invalid {
 
 impl std::error::Error for Invalid {}
 
-/// A spring whose ends coincide: its direction, and with it force and stiffness, do not exist.
+/// A spring whose ends coincide, so that its direction, force and stiffness are undefined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("spring {spring} has length zero: its ends, particles {} and {}, coincide", pair[0], pair[1])]
 pub struct DegenerateSpring {
@@ -207,7 +200,6 @@ mod tests {
         }
     }
 
-    /// Texts of any length make messages of a few lines, with both ends of the text.
     #[test]
     fn long_texts_are_quoted_by_their_ends() {
         let long = format!("begin{}end", "é".repeat(1 << 20));

@@ -1,11 +1,11 @@
-//! A request to stop, for everything that may take long.
+//! Requests to stop a long computation.
 //!
-//! Whoever computes looks at it between pieces of work that take well under a second, or one factorization, and ends in order. It
-//! is handed on with the options, so the library keeps no state of its own and knows nothing of signals.
+//! Computations check the flag between pieces of work that take less than a second, or one factorization. It is part of the options, so the
+//! library has no global state and installs no signal handlers.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A flag that someone else may raise; by default one that nobody can.
+/// A shared flag that requests a computation to stop. The default is never requested.
 ///
 /// # Examples
 /// ```
@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 ///
 /// static STOP: AtomicBool = AtomicBool::new(false);
 /// let interrupt = Interrupt::on(&STOP);
-/// // Handed on with the options, or asked between pieces of work of one's own.
+/// // Part of the options; your own code may check it too.
 /// let options = SolverOptions { interrupt, ..SolverOptions::default() };
 /// STOP.store(true, Ordering::Relaxed);
 /// assert!(options.interrupt.is_requested());
@@ -32,21 +32,21 @@ impl Interrupt {
         Self(Some(flag))
     }
 
-    /// Whether to stop.
+    /// True if the computation is to stop.
     #[inline]
     pub fn is_requested(self) -> bool {
         self.0.is_some_and(|flag| flag.load(Ordering::Relaxed))
     }
 }
 
-/// Without the flag: whether one was given makes no difference to what is computed.
+/// Omits the flag, which does not affect results.
 impl std::fmt::Debug for Interrupt {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str("Interrupt")
     }
 }
 
-/// The same flag.
+/// Equal if both refer to the same flag, or to none.
 impl PartialEq for Interrupt {
     fn eq(&self, other: &Self) -> bool {
         match (self.0, other.0) {
@@ -62,7 +62,6 @@ mod tests {
     use super::Interrupt;
     use std::sync::atomic::{AtomicBool, Ordering};
 
-    /// Options with a flag and without one are written the same, and those without are equal.
     #[test]
     fn flags_do_not_show() {
         static FLAG: AtomicBool = AtomicBool::new(false);

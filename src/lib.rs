@@ -1,7 +1,7 @@
 //! Implicit mass–spring systems with an explicitly assembled sparse matrix.
 //!
-//! A [`SystemBuilder`] checks a description and gives a [`System`], which does not change any more, and its [`State`]. Most programs need two things:
-//! a [`Simulation`], and, where they want to look inside, [`integrate::Matrices`] and [`inspect`].
+//! A [`SystemBuilder`] checks a description and returns an immutable [`System`] and its initial [`State`]. A [`Simulation`] runs it.
+//! [`integrate::Matrices`] assembles A, K, G and M, and [`inspect`] analyses their definiteness.
 //!
 //! ```
 //! use sprung::integrate::Matrices;
@@ -31,51 +31,47 @@
 //! # Ok::<(), sprung::Error>(())
 //! ```
 //!
-//! A [linear solver](linear::LinearSolver), a [preconditioner](linear::CustomPreconditioner), a [spring law](spring::SpringLaw) and a
-//! [force from outside](system::ExternalForce) may be your own.
+//! You can supply your own [linear solver](linear::LinearSolver), [preconditioner](linear::CustomPreconditioner),
+//! [spring law](spring::SpringLaw) and [external force](system::ExternalForce).
 //!
-//! The modules, in the order of the data's way; each uses only those above it in this list:
+//! Each module uses only modules above it in this list:
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
-//! | [`spring`] | the mathematics of one spring: 3-vectors and 3×3 blocks, no indices |
-//! | [`system`] | particles, springs, constraints, and the one map of free degrees of freedom; the moving [`State`] |
-//! | [`scene`] | scene files, meshes and ready scenes, checked with locations, to [`System`] and [`State`] |
+//! | [`spring`] | force, energy and 3×3 blocks of one spring, without indices |
+//! | [`system`] | particles, springs, constraints, free degrees of freedom, and the [`State`] |
+//! | [`scene`] | scene files, meshes and ready scenes |
 //! | [`figure`] | pictures as plain data |
 //! | [`force`] | sums over springs: forces, energies, momenta |
-//! | [`operator`] | matrices known by their products: A·w spring by spring |
-//! | [`assembly`] | explicit sparse matrices from 3×3 blocks: the pattern once, the values many times |
-//! | [`multigrid`] | smoothed-aggregation multigrid on the assembled matrix, for `linear` to precondition with |
-//! | [`linear`] | conjugate gradients, sparse Cholesky and LDLᵀ behind one trait |
+//! | [`operator`] | matrix-free products A·w |
+//! | [`assembly`] | sparse matrices from 3×3 blocks: one pattern, many values |
+//! | [`multigrid`] | smoothed-aggregation multigrid on the assembled matrix |
+//! | [`linear`] | conjugate gradients, sparse Cholesky and LDLᵀ |
 //! | [`eigen`] | extreme eigenpairs of matrices and pencils, with error bounds and counts |
 //! | [`integrate`] | time stepping methods, the run loop, and the matrices of one step |
-//! | [`inspect`] | definiteness: inertia, spectrum, critical steps, and the springs behind negative curvature |
+//! | [`inspect`] | definiteness of A: inertia, spectrum, critical steps, and the springs that cause negative curvature |
+//! | [`accuracy`] | runs to a required accuracy |
+//! | [`plan`] | default method, steps and solver of a run |
+//! | [`simulation`] | the entry point for runs |
 //! | [`modes`] | normal modes, counted |
-//! | [`equilibrium`] | static equilibrium, its inertia and its gradient |
 //! | [`mechanisms`] | motions that stretch no spring, and states of self-stress |
-//! | [`accuracy`] | the cheapest way to a given accuracy, and what a scene does not need |
-//! | [`plan`] | the method, steps and solver of a run where they are not given |
-//! | [`simulation`] | one entry to all runs |
 //! | [`gradient`] | gradients through motions |
-//! | [`verify`] | checks as plain data: value, bound, and why the bound |
-//! | [`chart`] | speed against accuracy, and maps of stability |
+//! | [`equilibrium`] | static equilibrium, load paths, and gradients there |
+//! | [`verify`] | the verification suite: checks as data, each with value, bound and the reason for the bound |
+//! | [`chart`] | work–precision diagrams and stability maps |
 //! | [`report`] | checks and pictures as HTML, SVG, JSON, JUnit and text |
-//! | [`output`] | results of runs as files, whole or not at all |
+//! | [`output`] | result files, written atomically |
 //!
-//! [`error`], [`interrupt`] (requests to stop), [`memory`] (how much there is) and [`work`] (counters) serve all of them.
+//! [`error`], [`interrupt`] (requests to stop), [`memory`] (available memory) and [`work`] (counters) are used by all of them.
 //!
 //! `K = ∂f_el/∂x` and `G = ∂f_d/∂v` are negative (semidefinite) where the system is stable, `K^s` is the positive block
 //! of one spring, and `A = M/dt² − G/dt − K`. SI units everywhere; particles and springs are numbered from 0.
 //!
-//! The crate keeps three rules. An element knows nothing of the matrix, and the assembler nothing of physics: `spring`
-//! gives blocks, `assembly` puts blocks in slots. What depends on the pattern alone is computed once, and a step
-//! allocates nothing. Constraints decide the degrees of freedom once, so what cannot move is not modelled.
+//! An [`Error`] is an input that cannot be used. A computation that breaks down returns an outcome with its cause, see
+//! [`integrate::Outcome`] and [`linear::SolveFailure`]. The library never prints.
 //!
-//! The derivations of all formulas stand in the headers of the files that compute them; the guide (`cargo xtask guide`) shows them, a page an
-//! idea, and has a first hour, pages on how to do things, and a glossary.
-//!
-//! An [`Error`] is an input that cannot be used. A computation that breaks down is not an error but an outcome that says
-//! how, see [`integrate::Outcome`] and [`linear::SolveFailure`]. Nothing here prints.
+//! Formulas are derived in the headers of the files that compute them. The guide (`cargo xtask guide`) collects these derivations and has a
+//! tutorial, how-to pages and a glossary.
 
 pub mod accuracy;
 pub mod assembly;
@@ -112,11 +108,11 @@ pub mod system;
 pub mod verify;
 pub mod work;
 
-/// The crate whose sparse types the matrices are given in.
+/// Sparse types of matrices and factorizations.
 pub use faer;
-/// The crate whose vectors and small matrices stand in signatures.
+/// Vectors and small matrices in signatures.
 pub use nalgebra;
-/// The crate whose sparse types the matrices are given in, too.
+/// Sparse types that matrices convert to.
 pub use nalgebra_sparse;
 
 pub use error::{Error, Result};

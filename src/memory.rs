@@ -1,15 +1,20 @@
-//! How much memory there is, limits included, and whether something fits.
+//! The memory that this process may take, limits included.
 //!
-//! An allocation that fails ends the process, and one that succeeds beyond what a container may have ends it later, without a
-//! word. So what grows with a scene is held to the room there is before it is allocated. The room is what the machine has, or the
-//! control groups of the process allow, or the limit on its address space (`ulimit -v`), less what the process holds. What other
-//! processes hold is not looked at: the same run on the same machine shall do the same. Where the system says nothing (it is asked
-//! through `/proc`) there is no limit.
-
-mod workspace;
+//! A failed allocation ends the process, and one beyond the limit of a container gets it killed later. So what grows with a
+//! scene is checked before it is allocated. The room is the memory of the machine, the limit of the process's control groups
+//! or that on its address space (`ulimit -v`), less what the process holds. Other processes do not count, so that runs are
+//! repeatable. Where `/proc` says nothing there is no limit.
+//!
+//! The first product of dense blocks by faer on a thread takes a workspace of twice the machine's last-level caches, keeps it
+//! as long as the thread lives, and ends the process where it cannot have it. Hardly any of it is touched, so it counts
+//! against a limit on the address space alone. Where there is one, every thread of the pool takes its workspace when a
+//! factorization is set up, after a check: a lack of it is an error like any other.
 
 use crate::error::{Error, Result};
-use std::fs::read_to_string;
+use faer::{Accum, Mat, Par};
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::fs::{read_dir, read_to_string};
 use std::path::Path;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -26,8 +31,8 @@ pub fn room() -> u64 {
     beyond(physical(), resident).min(beyond(address_space(), size))
 }
 
-/// Makes sure that there is room for so many bytes, and a little for everything that is small. The system is asked once for every
-/// mebibyte: the first of a process is taken to be there.
+/// Checks that there is room for so many bytes. Small requests add up until they are checked together, as a check reads a
+/// file.
 ///
 /// # Errors
 /// [`Error::TooLarge`] with the bytes needed and the room there is.
@@ -42,35 +47,29 @@ pub fn room() -> u64 {
 pub fn ensure(bytes: u64, what: &'static str) -> Result<()> {
     #[cfg(test)]
     watch::note(bytes, what);
-    // The question costs the reading of a file, which takes longer than many a run of a small scene. What is small adds up, though:
-    // it counts until the next question.
-    let unasked = UNASKED.fetch_add(bytes, Ordering::Relaxed).saturating_add(bytes);
-    if unasked <= SMALL {
+    /// Bytes that were granted since the last check.
+    static UNCHECKED: AtomicU64 = AtomicU64::new(0);
+    let unchecked = UNCHECKED.fetch_add(bytes, Ordering::Relaxed).saturating_add(bytes);
+    if unchecked <= 1 << 20 {
         return Ok(());
     }
-    UNASKED.store(0, Ordering::Relaxed);
-    let room = room().saturating_sub(SMALL_THINGS);
+    UNCHECKED.store(0, Ordering::Relaxed);
+    let room = room().saturating_sub(RESERVE);
     if bytes <= room { Ok(()) } else { Err(Error::TooLarge { what, bytes, room }) }
 }
 
-/// As [`ensure`], for something that products of dense blocks are made with: the threads of the pool have their workspace
-/// when this returns.
-///
-/// # Errors
-/// [`Error::TooLarge`].
+/// As [`ensure`], for something that multiplies dense blocks: the threads of the pool have their workspace when this
+/// returns.
 pub(crate) fn ensure_with_dense_products(bytes: u64, what: &'static str) -> Result<()> {
     ensure(bytes, what)?;
     let Some(limit) = address_space() else { return Ok(()) };
-    let room = || limit.saturating_sub(held()[0]).saturating_sub(SMALL_THINGS);
-    let bytes = bytes.saturating_add(workspace::missing());
-    let fits = bytes <= room() && workspace::take();
+    let room = || limit.saturating_sub(held()[0]).saturating_sub(RESERVE);
+    let bytes = bytes.saturating_add(missing_workspaces());
+    let fits = bytes <= room() && take_workspaces();
     if fits { Ok(()) } else { Err(Error::TooLarge { what, bytes, room: room() }) }
 }
 
-/// A list of zeros, or of whatever `value` is, if there is room for it.
-///
-/// # Errors
-/// [`Error::TooLarge`].
+/// A list of `value`, if there is room for it.
 pub(crate) fn filled<T: Clone>(value: T, length: usize, what: &'static str) -> Result<Vec<T>> {
     let bytes = (length as u64).saturating_mul(size_of::<T>() as u64);
     ensure(bytes, what)?;
@@ -80,18 +79,11 @@ pub(crate) fn filled<T: Clone>(value: T, length: usize, what: &'static str) -> R
     Ok(list)
 }
 
-/// What nobody asks for: messages, buffers of files, lists of a few numbers, and what an allocator rounds up.
-const SMALL_THINGS: u64 = 8_388_608;
-
-/// Bytes that are not worth a question.
-const SMALL: u64 = 1_048_576;
-
-/// Bytes that were granted since the last question.
-static UNASKED: AtomicU64 = AtomicU64::new(0);
+/// Bytes left for what is not checked: messages, buffers of files, and the overhead of the allocator.
+const RESERVE: u64 = 8 << 20;
 
 /// The memory of the machine, or of the control groups.
 fn physical() -> Option<u64> {
-    // Read once: it stays what it is while a process runs.
     static PHYSICAL: OnceLock<Option<u64>> = OnceLock::new();
     *PHYSICAL.get_or_init(|| {
         let groups = read_to_string("/proc/self/cgroup").unwrap_or_default();
@@ -106,7 +98,7 @@ fn machine(meminfo: &str) -> Option<u64> {
     Some(line.split_whitespace().next()?.parse::<u64>().ok()? * 1024)
 }
 
-/// The lowest limit of the control groups in which `/proc/self/cgroup` puts the process, and of those above them; of both versions.
+/// The lowest limit of the control groups of the process, of both versions, and of those above them.
 fn group_limits(groups: &str, read: impl Fn(&Path) -> Option<String>) -> Option<u64> {
     let mut lowest = None;
     for line in groups.lines() {
@@ -119,14 +111,14 @@ fn group_limits(groups: &str, read: impl Fn(&Path) -> Option<String>) -> Option<
             }
             _ => continue,
         };
-        // Inside a container the group's own path may not be there: its root is then what the process sees.
+        // Inside a container only the root may be visible.
         for group in Path::new(group).ancestors() {
             let folder = Path::new(root).join(group.strip_prefix("/").unwrap_or(group));
             let limit = read(&folder.join(name)).and_then(|text| text.trim().parse::<u64>().ok());
             lowest = [lowest, limit].into_iter().flatten().min();
         }
     }
-    // Without a limit version 1 says a number near 2⁶³.
+    // Version 1 has a number near 2⁶³ instead of no limit.
     lowest.filter(|&limit| limit < 1 << 60)
 }
 
@@ -149,7 +141,88 @@ fn held() -> [u64; 2] {
     })
 }
 
-/// What is asked for, for tests that hold it to what is then held.
+thread_local! {
+    /// Whether this thread has its workspace.
+    static HAS_WORKSPACE: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Bytes of the workspaces that the threads of the pool, and this one, do not have yet.
+fn missing_workspaces() -> u64 {
+    let missing = || u64::from(!HAS_WORKSPACE.get());
+    let threads: u64 = rayon::broadcast(|_| missing()).into_iter().sum();
+    (threads + outside_pool().map_or(0, |()| missing())) * workspace_bytes()
+}
+
+/// Allocates them; returns whether all threads have theirs now.
+fn take_workspaces() -> bool {
+    let taken = rayon::broadcast(|_| take_workspace());
+    taken.into_iter().all(|taken| taken) && outside_pool().is_none_or(|()| take_workspace())
+}
+
+/// `None` on a thread of the pool.
+fn outside_pool() -> Option<()> {
+    rayon::current_thread_index().is_none().then_some(())
+}
+
+fn take_workspace() -> bool {
+    if !HAS_WORKSPACE.get() {
+        // Allocated and freed first: unlike the product this may fail.
+        if Vec::<u8>::new().try_reserve_exact(workspace_bytes() as usize).is_err() {
+            return false;
+        }
+        // Blocks of order below 16 are multiplied without a workspace.
+        let block = Mat::<f64>::identity(32, 32);
+        let mut product = Mat::<f64>::zeros(32, 32);
+        faer::linalg::matmul::matmul(&mut product, Accum::Replace, &block, &block, 1.0, Par::Seq);
+        HAS_WORKSPACE.set(true);
+    }
+    true
+}
+
+/// Bytes of a thread's workspace.
+fn workspace_bytes() -> u64 {
+    static BYTES: OnceLock<u64> = OnceLock::new();
+    *BYTES.get_or_init(|| twice_the_last_level(caches(Path::new("/sys/devices/system/cpu"))))
+}
+
+/// As faer does: without a third level four times the second counts, and at least 4 MiB.
+fn twice_the_last_level([second, third]: [u64; 2]) -> u64 {
+    2 * third.max(4 * second).max(4 << 20)
+}
+
+/// The largest cache of the second level, and all of the third together, in bytes.
+fn caches(cpus: &Path) -> [u64; 2] {
+    let text = |file: &Path| read_to_string(file).unwrap_or_default().trim().to_owned();
+    let mut second = 0;
+    let mut third = BTreeMap::new();
+    for cpu in read_dir(cpus).into_iter().flatten().flatten() {
+        for cache in read_dir(cpu.path().join("cache")).into_iter().flatten().flatten() {
+            let cache = cache.path();
+            let size = size(&text(&cache.join("size")));
+            match text(&cache.join("level")).as_str() {
+                "2" => second = size.max(second),
+                // A shared one is listed with each of its processors.
+                "3" => _ = third.insert(text(&cache.join("shared_cpu_list")), size),
+                _ => {}
+            }
+        }
+    }
+    [second, third.values().sum()]
+}
+
+/// `32768K` in bytes.
+fn size(text: &str) -> u64 {
+    let digits = text.trim_end_matches(char::is_alphabetic);
+    let unit = match text.chars().next_back() {
+        Some('K') => 1 << 10,
+        Some('M') => 1 << 20,
+        Some('G') => 1 << 30,
+        _ => 1,
+    };
+    digits.parse::<u64>().map_or(0, |number| number.saturating_mul(unit))
+}
+
+/// Records the bytes that are checked, for tests that compare them with those held.
 #[cfg(test)]
 pub(crate) mod watch {
     use std::cell::RefCell;
@@ -162,7 +235,7 @@ pub(crate) mod watch {
         ASKED.with_borrow_mut(|asked| asked.push((bytes, what)));
     }
 
-    /// What some work returns, and the bytes that it asks for under a name on this thread.
+    /// The result of some work, and the bytes that it checks under a name on this thread.
     pub(crate) fn asked<T>(name: &str, work: impl FnOnce() -> T) -> (T, u64) {
         ASKED.take();
         let result = work();
@@ -207,17 +280,16 @@ mod tests {
         assert!(ensure_with_dense_products(u64::MAX, "much").is_err());
     }
 
-    /// In a process of its own, with two gibibytes of addresses beside the workspaces of all threads, which a large cache makes large: they are the limit, and
-    /// where nearly all of them are asked for there is no room for the workspaces.
+    /// In a process of its own, with two gibibytes of addresses beside the workspaces of all threads.
     #[test]
     #[cfg(target_os = "linux")]
     fn an_address_space_may_be_limited() {
         const TEST: &str = "memory::tests::an_address_space_may_be_limited";
         const ALONE: &str = "SPRUNG_TEST_ALONE";
-        let limit = (2 << 30) + (rayon::current_num_threads() as u64 + 1) * workspace::bytes();
+        let limit = (2 << 30) + (rayon::current_num_threads() as u64 + 1) * workspace_bytes();
         if std::env::var_os(ALONE).is_some() {
             assert_eq!(address_space(), Some(limit));
-            assert!(ensure_with_dense_products(room() - SMALL_THINGS - (1 << 20), "nearly all").is_err());
+            assert!(ensure_with_dense_products(room() - RESERVE - (1 << 20), "nearly all").is_err());
             assert!(ensure_with_dense_products(1 << 20, "little").is_ok());
             return;
         }
@@ -236,5 +308,70 @@ mod tests {
             assert!(matches!(error, Error::TooLarge { what: "a list", .. }), "{error}");
             assert!(error.to_string().starts_with("a list takes "), "{error}");
         }
+    }
+
+    #[test]
+    fn sizes_are_read_with_their_units() {
+        let read = ["32768K", "32M", "1G", "512", "", "K", "many"].map(size);
+        assert_eq!(read, [32 << 20, 32 << 20, 1 << 30, 512, 0, 0, 0]);
+    }
+
+    /// Two processors with a second level each share a third one, another has one of its own; first levels do not count.
+    #[test]
+    fn caches_count_once() {
+        let folder = std::env::temp_dir().join(format!("sprung-caches-{}", std::process::id()));
+        for (cpu, index, level, size, shared) in [
+            (0, 0, "1", "9M", "0"),
+            (0, 2, "2", "512K", "0"),
+            (0, 3, "3", "8M", "0-1"),
+            (1, 2, "2", "1M", "1"),
+            (1, 3, "3", "8M", "0-1"),
+            (2, 2, "2", "256K", "2"),
+            (2, 3, "3", "4M", "2"),
+        ] {
+            let cache = folder.join(format!("cpu{cpu}/cache/index{index}"));
+            std::fs::create_dir_all(&cache).unwrap();
+            for (file, text) in [("level", level), ("size", size), ("shared_cpu_list", shared)] {
+                std::fs::write(cache.join(file), format!("{text}\n")).unwrap();
+            }
+        }
+        assert_eq!(caches(&folder), [1 << 20, 12 << 20]);
+        assert_eq!(caches(&folder.join("absent")), [0, 0]);
+        std::fs::remove_dir_all(&folder).unwrap();
+        let taken = [[1 << 20, 12 << 20], [3 << 20, 10 << 20], [1 << 20, 1 << 20], [0, 0]].map(twice_the_last_level);
+        assert_eq!(taken, [24 << 20, 24 << 20, 8 << 20, 8 << 20]);
+    }
+
+    #[test]
+    fn threads_outside_the_pool_take_their_own() {
+        let alone = |work: fn()| std::thread::spawn(work).join().unwrap();
+        alone(|| assert!(take_workspaces() && missing_workspaces() == 0));
+        alone(|| {
+            assert_eq!(missing_workspaces(), workspace_bytes());
+            assert!(take_workspaces() && missing_workspaces() == 0);
+        });
+    }
+
+    /// Other tests take memory meanwhile, but not during every one of several attempts.
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_product_takes_what_was_asked_for_and_only_once() {
+        let look = || {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+            pool.install(|| {
+                assert_eq!(missing_workspaces(), workspace_bytes());
+                let before = held()[0];
+                assert!(take_workspaces());
+                let taken = held()[0].saturating_sub(before);
+                assert_eq!(missing_workspaces(), 0);
+                taken
+            })
+        };
+        let looks: Vec<u64> = (0..20).map(|_| look()).collect();
+        assert!(
+            looks.iter().any(|&taken| taken <= workspace_bytes() + (1 << 20)),
+            "{looks:?} of {}",
+            workspace_bytes()
+        );
     }
 }

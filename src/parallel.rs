@@ -1,18 +1,13 @@
-//! Work on the pieces of a list, in parallel where that pays. What a piece gets does not depend on the others, so results
-//! are the same for any number of threads.
-//!
-//! There are as many pieces for every thread, all of one size but for one item: no thread has more to do than another. Halving until
-//! pieces are small enough would give three threads four pieces, and one of them twice the work.
+//! Work on the pieces of a list, in parallel where that pays. Pieces are independent, so results are the same for any number
+//! of threads. Every thread has as many pieces, of one size but for one item.
 
-use std::ops::Range;
+/// Least items for a thread: some microseconds of work.
+const GRAIN: usize = 1024;
 
-/// Items that are not worth a second thread: some microseconds of work.
-const LEAST: usize = 1024;
-
-/// Pieces for every thread, where there is enough: what a thread that is held up leaves, others take.
+/// Most pieces a thread, which balance the load.
 const TURNS: usize = 4;
 
-/// How many pieces so many items are cut into on the current threads, none of fewer than `least`.
+/// The number of pieces of so many items on the current threads, none with fewer than `least`.
 pub(crate) fn parts(items: usize, least: usize) -> usize {
     parts_for(items, least, rayon::current_num_threads())
 }
@@ -33,7 +28,7 @@ pub(crate) fn try_pieces<T: Send, E: Send>(
     items: &mut [T],
     work: &(impl Fn(usize, &mut [T]) -> Result<(), E> + Sync),
 ) -> Result<(), E> {
-    cut(0, items, parts(items.len(), LEAST), work)
+    cut(0, items, parts(items.len(), GRAIN), work)
 }
 
 /// As [`try_pieces`], with work that cannot fail.
@@ -60,28 +55,7 @@ fn cut<T: Send, E: Send>(
     left.and(right)
 }
 
-/// Calls `work` with so many parts of a range and with what `values` holds for each of them. `middle` says where a range that is to
-/// become so many parts is cut in two, the first of half as many, and how many of its values lie before that.
-pub(crate) fn for_parts<T: Send>(
-    range: Range<usize>,
-    parts: usize,
-    values: &mut [T],
-    middle: &(impl Fn(&Range<usize>, usize) -> (usize, usize) + Sync),
-    work: &(impl Fn(Range<usize>, &mut [T]) + Sync),
-) {
-    if parts <= 1 {
-        return work(range, values);
-    }
-    let (at, before) = middle(&range, parts);
-    let (left, right) = values.split_at_mut(before);
-    let Range { start, end } = range;
-    rayon::join(
-        || for_parts(start..at, parts / 2, left, middle, work),
-        || for_parts(at..end, parts - parts / 2, right, middle, work),
-    );
-}
-
-/// What some of several parts have of the whole.
+/// The share of some of several parts in the whole.
 pub(crate) fn share(whole: usize, some: usize, parts: usize) -> usize {
     (whole as u128 * some as u128 / parts.max(1) as u128) as usize
 }
@@ -98,7 +72,7 @@ mod tests {
     #[test]
     fn every_piece_knows_where_it_begins() {
         for threads in [1, 2, 3, 7] {
-            let mut items = vec![0; 20 * LEAST + 3];
+            let mut items = vec![0; 20 * GRAIN + 3];
             pool(threads).install(|| {
                 pieces(&mut items, &|first, piece| {
                     piece.iter_mut().enumerate().for_each(|(index, item)| *item += first + index);
@@ -127,39 +101,13 @@ mod tests {
         assert_eq!(parts_for(3, 0, 1), 3);
     }
 
-    /// Two values for every item, and parts that are as long as can be.
     #[test]
-    fn ranges_are_cut_with_their_values() {
-        for parts in 1..=7 {
-            let mut values: Vec<usize> = (0..200).collect();
-            let seen = Mutex::new(Vec::new());
-            let middle = |range: &Range<usize>, parts: usize| {
-                let items = share(range.len(), parts / 2, parts);
-                (range.start + items, 2 * items)
-            };
-            for_parts(50..150, parts, &mut values, &middle, &|range, values| {
-                let of_range: Vec<usize> = (2 * (range.start - 50)..2 * (range.end - 50)).collect();
-                assert_eq!(values, of_range);
-                seen.lock().unwrap().push((range.start, range.end));
-            });
-            let mut seen = seen.into_inner().unwrap();
-            seen.sort_unstable();
-            assert_eq!(seen.len(), parts);
-            assert!(seen.windows(2).all(|pair| pair[0].1 == pair[1].0) && seen[0].0 == 50 && seen[parts - 1].1 == 150);
-            assert!(
-                seen.iter().all(|(start, end)| (100 / parts..=100 / parts + 1).contains(&(end - start))),
-                "{seen:?}"
-            );
-        }
-    }
-
-    #[test]
-    fn the_first_error_is_told() {
-        let mut items = vec![(); 20 * LEAST];
-        let count = pool(2).install(|| parts(items.len(), LEAST));
+    fn the_first_error_is_returned() {
+        let mut items = vec![(); 20 * GRAIN];
+        let count = pool(2).install(|| parts(items.len(), GRAIN));
         let failed =
             pool(2).install(|| try_pieces(&mut items, &|first, _| if first > 0 { Err(first) } else { Ok(()) }));
-        assert_eq!(failed, Err(20 * LEAST / count));
+        assert_eq!(failed, Err(20 * GRAIN / count));
     }
 
     /// Items of every thread, counted, on one to sixteen: each has as many pieces as the others, and a thread's work is at most a
@@ -167,7 +115,7 @@ mod tests {
     #[test]
     fn threads_have_the_same_to_do() {
         for threads in 1..=16 {
-            for length in [1, LEAST, 3 * LEAST + 1, 16 * LEAST - 1, 20_483, 58_804, 598_000] {
+            for length in [1, GRAIN, 3 * GRAIN + 1, 16 * GRAIN - 1, 20_483, 58_804, 598_000] {
                 let sizes = Mutex::new(Vec::new());
                 pool(threads).install(|| {
                     pieces(&mut vec![(); length], &|first, piece| sizes.lock().unwrap().push((first, piece.len())));
@@ -176,7 +124,7 @@ mod tests {
                 sizes.sort_unstable();
                 let busy = sizes.len().min(threads);
                 assert_eq!(sizes.len() % busy, 0, "{threads} {length}: {} pieces", sizes.len());
-                assert!(busy == threads || length < (threads + 1) * LEAST, "{threads} {length}: {busy} threads");
+                assert!(busy == threads || length < (threads + 1) * GRAIN, "{threads} {length}: {busy} threads");
                 let of_threads = sizes.chunks(sizes.len() / busy);
                 let most = of_threads.map(|pieces| pieces.iter().map(|piece| piece.1).sum::<usize>()).max().unwrap();
                 let mean = length as f64 / busy as f64;

@@ -1,11 +1,10 @@
-//! How a run is made where little is said of it: what the command and every other front end decide alike, so that they compute the
-//! same bits.
+//! The defaults of a run, shared by the command and every other front end so that they compute the same bits.
 //!
-//! [`RunOptions`] are what a user says. With the system, its state and a step they become a [`Plan`], in which nothing is open, and a
-//! plan makes the [`Stepper`] that [runs](Stepper::run).
+//! [`RunOptions`] with the system, its state and a step become a [`Plan`], in which nothing is open; a plan makes the [`Stepper`] that
+//! [runs](Stepper::run).
 
-use crate::accuracy::{AccuracyOptions, Configuration, SpectralRadius, default_method};
-use crate::error::{Error, Result};
+use crate::accuracy::{AccuracyOptions, Configuration, SpectralRadius, adaptive_stepper, default_method};
+use crate::error::Result;
 use crate::integrate::{
     AdaptiveOptions, AdaptiveStepper, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, OutputTimes, Schedule,
     StiffnessPolicy, TimeStepper, run_adaptive_monitored, run_monitored, threshold,
@@ -47,7 +46,7 @@ impl MethodChoice {
     }
 }
 
-/// What is asked of a run. What is `None` is left to the program.
+/// Options of a run. Where one is `None` the program chooses.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct RunOptions {
     /// The method.
@@ -56,26 +55,25 @@ pub struct RunOptions {
     pub accuracy: Option<f64>,
     /// The tolerance of adaptive steps.
     pub rtol: Option<f64>,
-    /// Which stiffness enters the matrix.
+    /// The stiffness in the matrix.
     pub stiffness: Option<StiffnessPolicy>,
     /// The linear solver.
     pub solver: Option<SolverChoice>,
     /// The preconditioner of conjugate gradients.
     pub preconditioner: Option<PreconditionerKind>,
-    /// Where conjugate gradients stop.
+    /// The relative residual at which conjugate gradients stop.
     pub tolerance: Option<f64>,
-    /// Who may end the run.
+    /// A request to end the run.
     pub interrupt: Interrupt,
 }
 
 /// The step where one is needed and none is given, in s.
 pub const DEFAULT_STEP: f64 = 0.01;
 
-/// Records of a run that chooses its steps: a page that plays them in ten seconds shows thirty a second.
+/// Records of an adaptive run: thirty a second in a page that plays them in ten.
 pub const RECORDS: u32 = 300;
 
-/// The interval at which a run of `duration` seconds is recorded that chooses its steps, in s: `duration/RECORDS`. It has no scale of its
-/// own, so that the files of a motion of microseconds and of one of years have the same size.
+/// The interval at which an adaptive run of `duration` seconds is recorded, in s: `duration/RECORDS`, whatever the time scale.
 ///
 /// # Examples
 /// ```
@@ -88,23 +86,20 @@ pub fn records_every(duration: f64) -> f64 {
     duration / f64::from(RECORDS)
 }
 
-/// Degrees of freedom from which splitting a factorization pays: a cloth of about 10⁴ particles.
+/// Degrees of freedom from which splitting a factorization pays, as measured on cloths.
 const LARGE: usize = 30_000;
 
-/// Pieces that a dense block is cut into, and so the most threads that work on one: on two threads as fast as two pieces.
-const PIECES: usize = 16;
-
-/// How a factorization is split. Splitting changes how numbers are rounded, so it depends on the system alone, never on
-/// the number of threads; any number of threads then gives the same bits.
+/// The parallelism of factorizations. Splitting changes the rounding, so it depends on the system alone, never on the number of
+/// threads: up to 16 of them work on one dense block.
 pub fn parallelism(system: &System) -> Par {
-    if system.dofs().len() < LARGE { Par::Seq } else { Par::rayon(PIECES) }
+    if system.dofs().len() < LARGE { Par::Seq } else { Par::rayon(16) }
 }
 
 impl RunOptions {
     /// The tolerance of adaptive steps where no step is given.
     const RTOL: f64 = 1e-2;
 
-    /// The method asked for by name, or the one that stands for none; `None` for the program's own choice.
+    /// The method by name, or the default of fixed steps; `None` for the program's choice.
     pub fn method(&self) -> Option<Method> {
         match self.method {
             Some(MethodChoice::Named(method)) => Some(method),
@@ -114,8 +109,7 @@ impl RunOptions {
         }
     }
 
-    /// The tolerance of adaptive steps for a run for which no dt is given; `None` where a method was asked for that does not
-    /// estimate its error.
+    /// The tolerance of adaptive steps of a run without dt; `None` for a method that does not estimate its error.
     pub fn rtol_without_step(&self) -> Option<f64> {
         match self.method {
             Some(MethodChoice::Named(method)) if !method.estimates_errors() => self.rtol,
@@ -123,8 +117,7 @@ impl RunOptions {
         }
     }
 
-    /// How exactly conjugate gradients solve: as the motion needs, but to a tolerance given, and where the solver was asked for by name, so that
-    /// it can be compared with others digit by digit.
+    /// The tolerance of conjugate gradients: adaptive, unless it is given, or the solver is, to be compared digit by digit.
     fn tolerance(&self) -> Tolerance {
         match (self.tolerance, self.solver) {
             (Some(tolerance), _) => Tolerance::Fixed(tolerance),
@@ -145,8 +138,8 @@ impl RunOptions {
         }
     }
 
-    /// How to run for `duration` seconds with steps of dt seconds, or with adaptive ones of a tolerance. Call inside the pool of threads that is to
-    /// compute.
+    /// A plan for `duration` seconds with steps of dt seconds, or with adaptive steps of a tolerance. Call inside the pool of threads
+    /// that is to compute.
     ///
     /// # Errors
     /// Coincident ends of a spring in `state`; a matrix that is too large.
@@ -192,14 +185,14 @@ fn of_fixed_step(system: &System, state: &State, dt: f64) -> Result<(Method, Str
     })
 }
 
-/// How a run is to be done.
+/// A run with nothing left open.
 #[derive(Debug, Clone)]
 pub struct Plan {
     /// Method, stiffness and solver.
     pub configuration: Configuration,
     /// For adaptive steps.
     pub rtol: Option<f64>,
-    /// Why, where the program chose.
+    /// The reason for the method, where the program chose.
     pub reason: Option<String>,
 }
 
@@ -214,21 +207,15 @@ impl Plan {
             let stepper = method.stepper(system, state, options)?;
             return Ok(Stepper::Scheduled(stepper));
         };
-        let without = || {
-            let methods = Method::ALL.into_iter().filter(|method| method.estimates_errors());
-            let others = methods.map(Method::name).collect::<Vec<_>>().join(", ");
-            Error::Unsupported(format!("rtol needs an error estimate, and {} has none: use {others}", method.name()))
-        };
-        let stepper = method.adaptive_stepper(system, state, options)?.ok_or_else(without)?;
-        Ok(Stepper::Adaptive { stepper, rtol })
+        Ok(Stepper::Adaptive { stepper: adaptive_stepper(*method, system, state, options)?, rtol })
     }
 
-    /// What a monitor is to do; without an error estimate it balances energies alone.
+    /// The options of the monitor; without an error estimate it balances energies alone.
     pub fn monitor(&self, stops_unstable: bool, estimates_error: bool) -> MonitorOptions {
         MonitorOptions { threshold: estimates_error.then(|| threshold(self.rtol)), stops_unstable }
     }
 
-    /// The option of the matrices that a failed solve was given, and the dt of the first one of a step.
+    /// The stiffness option and the dt of the first matrix of a step.
     pub fn failed_matrix(&self, step: f64) -> (Stiffness, f64) {
         let Configuration { method, options } = &self.configuration;
         let option = match options.stiffness {
@@ -241,7 +228,7 @@ impl Plan {
 
 /// A stepper with steps as scheduled, or with steps that keep an error within a tolerance.
 pub enum Stepper<'s> {
-    /// As scheduled.
+    /// Scheduled steps.
     Scheduled(Box<dyn TimeStepper + 's>),
     /// With error control.
     Adaptive {
@@ -278,7 +265,7 @@ impl Stepper<'_> {
         }
     }
 
-    /// What can be asked of it.
+    /// The stepper itself.
     pub fn get(&self) -> &dyn TimeStepper {
         match self {
             Self::Scheduled(stepper) => &**stepper,

@@ -1,12 +1,12 @@
-//! The widest registers that the processor has, for loops that the compiler makes use of them in.
+//! Loops compiled for the widest vector registers that the processor has.
 //!
-//! What is compiled for every kind of processor that [`pulp`] tells apart is what is inlined. The results are the same to the bit, because
-//! nothing is reordered or fused.
+//! Inlined code is compiled for every kind of processor that [`pulp`] distinguishes, without reordering or fusing: the
+//! results are the same to the bit.
 
-/// A closure is called by reference: taken by value it goes through a function of its own, which is compiled for no kind in particular.
-struct Widely<'f, F>(&'f mut F);
+/// Calls the closure by reference: a closure taken by value would be compiled once, for no processor in particular.
+struct ByReference<'f, F>(&'f mut F);
 
-impl<R, F: FnMut() -> R> pulp::NullaryFnOnce for Widely<'_, F> {
+impl<R, F: FnMut() -> R> pulp::NullaryFnOnce for ByReference<'_, F> {
     type Output = R;
 
     #[inline(always)]
@@ -15,7 +15,7 @@ impl<R, F: FnMut() -> R> pulp::NullaryFnOnce for Widely<'_, F> {
     }
 }
 
-/// Does something with the widest registers; the closure, and what it calls, is to be inlined always.
-pub(crate) fn widely<R>(mut f: impl FnMut() -> R) -> R {
-    pulp::Arch::new().dispatch(Widely(&mut f))
+/// Runs a closure, which must be `#[inline(always)]` with all it calls, compiled for the widest registers.
+pub(crate) fn dispatch_simd<R>(mut f: impl FnMut() -> R) -> R {
+    pulp::Arch::new().dispatch(ByReference(&mut f))
 }

@@ -1,4 +1,4 @@
-//! One entry to all runs: a system, what is asked of the run, and its result.
+//! One entry to all runs: a system, options, and a result.
 
 use crate::error::{Invalid, Result};
 use crate::force::Energy;
@@ -8,8 +8,8 @@ use crate::plan::{DEFAULT_STEP, MethodChoice, RunOptions, records_every};
 use crate::system::{State, System};
 use std::ops::ControlFlow;
 
-/// A run of a system from a state. What is not asked for is decided as the command decides it: without a dt steps are adaptive, without a method the
-/// stiffness of the scene chooses one.
+/// A run of a system from a state. The defaults are those of the command: without a dt steps are adaptive, without a method the
+/// stiffness of the scene decides.
 ///
 /// # Examples
 /// ```
@@ -43,9 +43,9 @@ pub struct Simulation<'s> {
 /// The end of a run.
 #[derive(Debug, Clone)]
 pub struct SimulationResult {
-    /// How it ended.
+    /// The status at the end.
     pub status: Status,
-    /// What broke it, if anything did.
+    /// The failure that ended it, if any.
     pub failure: Option<RunFailure>,
     /// The last good state.
     pub state: State,
@@ -57,18 +57,18 @@ pub struct SimulationResult {
     pub statistics: Statistics,
     /// Energy at the start and at the end, in J.
     pub energy: [Energy; 2],
-    /// Where the energy went, in J.
+    /// The energy balance, in J.
     pub balance: Balance,
     /// The estimated relative position error at the end; `None` where nothing is known of it.
     pub error: Option<f64>,
     /// The time, in s, until which positions are predictable to the threshold of warnings; `None` where that is the end.
     pub predictable_until: Option<f64>,
-    /// What makes the result doubtful, in words.
+    /// Reasons to doubt the result.
     pub warnings: Vec<String>,
 }
 
 impl<'s> Simulation<'s> {
-    /// Of a system from a state.
+    /// A run of a system from a state.
     pub fn new(system: &'s System, state: State) -> Self {
         let options = RunOptions::default();
         Self { system, state, options, dt: None, stops_unstable: true, estimates_error: true }
@@ -129,14 +129,14 @@ impl<'s> Simulation<'s> {
     /// Runs for `duration` seconds.
     ///
     /// # Errors
-    /// A duration, step or tolerance that cannot be used; a state of another system; coincident ends of a spring at the start; a matrix that is too
-    /// large; a tolerance for a method without an error estimate. A run that breaks down is a result.
+    /// A duration, step or tolerance that cannot be used; a state of another system; coincident ends of a spring at the start; a
+    /// matrix that is too large; a tolerance for a method without an error estimate. A run that breaks down is a result.
     pub fn run(self, duration: f64) -> Result<SimulationResult> {
         self.run_observed(duration, |_, _| ControlFlow::Continue(()))
     }
 
-    /// As [`run`](Self::run); `observe` sees the state after every step, of adaptive steps 300 samples, with the monitor that knows energies and error. It
-    /// ends the run by `Break`.
+    /// As [`run`](Self::run); `observe` sees the state after every step, or 300 samples of adaptive steps, with the monitor. It ends
+    /// the run by `Break`.
     ///
     /// # Errors
     /// As of [`run`](Self::run).

@@ -15,25 +15,36 @@
 //! from `∂l/∂x_i = n` and `∂n/∂x_i = (I − nnᵀ)/l`. Source: lecture notes "Review of Backward Euler Implementation",
 //! CS838-2, University of Wisconsin–Madison, 7 October 2011, whose force law this is; the derivation is our own.
 //!
-//! A spring may have no rest length, `l0 = 0`. Its k is then in N/m, and all formulas hold with 1 m in place of l0 where something is divided by it or
-//! multiplied with it, the [gauge length](Spring::gauge_length): the force is `−k d`, the energy `½ k l²`, and `K^s = k I` under every option. It
-//! may lie at length zero; damping, which is along the spring, has no direction there and vanishes.
+//! A spring may have no rest length, `l0 = 0`. Then k is in N/m, the force is `−k d`, the energy `½ k l²`, and `K^s = k I` under every option:
+//! the formulas hold with the [gauge length](Spring::gauge_length) of 1 m in place of l0. Such a spring may have length zero. Its damping vanishes
+//! there, as it has no direction.
 //!
-//! **Edge cases.** At `l = l0` the transverse coefficient is zero, so all options agree. As `l → 0` it tends to −∞:
-//! a spring may be short, and its block is right to rounding, but at `l = 0` the direction does not exist and
-//! [`Extension::between`] returns `None`. The test is on the computed length, so ends nearer than about
-//! 1e-162 m, whose squared distance underflows, count as coincident too.
+//! **Edge cases.** At `l = l0` the transverse coefficient is zero, so all options agree. It tends to −∞ as `l → 0`; at `l = 0` the direction does
+//! not exist and [`Extension::between`] returns `None`. The computed length decides: ends nearer than about 1e-162 m coincide, as their
+//! squared distance underflows.
+//!
+//! # Spring laws
+//!
+//! A [`SpringLaw`] replaces `T = k (l/l0 − 1)` by any tension T(l). At a given length it is represented by its *tangent*, the spring of the built-in law
+//! with the same tension and the same slope `T' = dT/dl`:
+//!
+//! ```text
+//! k = T' l − T,      l0 = k/T',
+//! ```
+//!
+//! so that `k (l/l0 − 1) = T` and `k/l0 = T'`. Forces, stiffness blocks, options and the sign of the tension all follow from the tangent. Energies
+//! come from the law itself.
+//!
+//! Where tension does not rise with length there is no tangent, and `K^s` is indefinite along the spring. The slope is then replaced by 1e-9 of the
+//! spring's own `k/l0`: forces stay exact, and the matrix is that of a convex law. A tangent through `T = 0` at `l = 0` has no rest length; its slope
+//! is raised by 1e-8.
 //!
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `spring`.
 
-mod law;
-
-pub(crate) use law::LawValues;
-pub use law::{LawValue, SpringLaw, Tension};
-
 use nalgebra::{Matrix3, Vector3};
+use std::fmt::Debug;
 
-/// Parameters of one spring.
+/// The parameters of one spring.
 ///
 /// # Examples
 /// ```
@@ -57,25 +68,9 @@ pub struct Spring {
     pub damping: f64,
 }
 
-/// Which part of the stiffness block enters the system matrix: options I, II and III of the lecture notes.
+/// The part of the stiffness block that enters the system matrix: options I, II and III of the lecture notes.
 ///
-/// Forces are never changed, only the matrix is. Under `Tension` and `Axial` every block is positive semidefinite.
-///
-/// # Examples
-/// ```
-/// use nalgebra::Vector3;
-/// use sprung::spring::Extension;
-/// use sprung::{Spring, Stiffness};
-///
-/// let spring = Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 };
-/// let d = Vector3::new(1.0, 0.0, 0.0);
-/// let extension = Extension::between(&d, &Vector3::zeros()).ok_or("coincident ends")?;
-/// let block = |option| spring.stiffness_block(&extension, option).matrix();
-/// // k/l0 along the spring; across it k (1/l0 − 1/l), negative under compression, which `tension` leaves out.
-/// assert_eq!(block(Stiffness::Full).diagonal(), Vector3::new(10.0, -10.0, -10.0));
-/// assert_eq!(block(Stiffness::Tension).diagonal(), Vector3::new(10.0, 0.0, 0.0));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
+/// Forces do not depend on it. Under `Tension` and `Axial` every block is positive semidefinite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stiffness {
     /// The exact `K^s`. Indefinite for a compressed spring (`l < l0`).
@@ -103,7 +98,7 @@ impl Stiffness {
     }
 }
 
-/// Where a spring's ends are relative to each other: its direction and length.
+/// The direction and length of a spring.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extension {
     /// n, the unit vector from j to i.
@@ -113,10 +108,10 @@ pub struct Extension {
 }
 
 impl Extension {
-    /// Of ends that coincide, in any direction.
+    /// Coincident ends; the direction is arbitrary.
     pub(crate) const COLLAPSED: Self = Self { direction: Vector3::new(1.0, 0.0, 0.0), length: 0.0 };
 
-    /// From the positions of the ends, in m; `None` when they coincide.
+    /// The extension between two positions, in m; `None` when they coincide.
     pub fn between(xi: &Vector3<f64>, xj: &Vector3<f64>) -> Option<Self> {
         let d = xi - xj;
         let length = d.norm();
@@ -125,7 +120,7 @@ impl Extension {
 }
 
 impl Spring {
-    /// The length over which strain is measured, in m: the rest length, or 1 m where that is zero.
+    /// The length over which strain is measured, in m: the rest length, or 1 m if that is zero.
     #[inline]
     pub fn gauge_length(&self) -> f64 {
         if self.rest_length == 0.0 { 1.0 } else { self.rest_length }
@@ -142,7 +137,7 @@ impl Spring {
         (at.length - self.rest_length) / self.gauge_length()
     }
 
-    /// Whether the spring is shorter than at rest, so that its transverse term is negative.
+    /// True if the spring is shorter than its rest length, so that its transverse coefficient is negative.
     pub fn is_compressed(&self, at: &Extension) -> bool {
         at.length < self.rest_length
     }
@@ -179,17 +174,16 @@ impl Spring {
 
     /// The stiffness block `K^s` under an option, in N/m.
     pub fn stiffness_block(&self, at: &Extension, option: Stiffness) -> SpringBlock {
-        // What an option drops, it drops here: to leave out the division below, a processor would have to guess which springs are compressed.
+        // No branch on compression: mispredictions cost more than the division below.
         let elongation = at.length - self.rest_length;
         let elongation = match option {
             Stiffness::Full => elongation,
             Stiffness::Tension => elongation.max(0.0),
             Stiffness::Axial => 0.0,
         };
-        // k (1/l0 − 1/l), written with the exact difference l − l0 so that it keeps its digits near rest.
+        // k (1/l0 − 1/l); the difference l − l0 is exact near rest.
         let transverse = self.stiffness * elongation / (self.rest_length * at.length);
         let axial = self.axial_stiffness();
-        // Without a rest length it is the same in all directions, and without a length too.
         let transverse = if self.rest_length == 0.0 { axial } else { transverse };
         SpringBlock { direction: at.direction, transverse, axial }
     }
@@ -222,7 +216,7 @@ impl std::ops::Mul<f64> for SpringBlock {
     }
 }
 
-/// The sum of two blocks of one spring: both must have the same direction, which the sum keeps.
+/// The sum of two blocks with the same direction.
 impl std::ops::Add for SpringBlock {
     type Output = Self;
 
@@ -239,8 +233,8 @@ impl SpringBlock {
 
     /// The 3×3 matrix; symmetric to the bit.
     ///
-    /// `1 − n_r²` on the diagonal is written as the sum of the other two squares: near collapse α is large against β, and
-    /// the difference would lose β along a spring that lies near an axis.
+    /// `1 − n_r²` on the diagonal is computed as the sum of the other two squares: near collapse `|α| ≫ β`, and the difference would lose β
+    /// along a spring that is nearly parallel to an axis.
     pub fn matrix(&self) -> Matrix3<f64> {
         let Self { direction: n, transverse, axial } = self;
         let [xx, yy, zz] = [n.x * n.x, n.y * n.y, n.z * n.z];
@@ -260,17 +254,119 @@ impl SpringBlock {
         )
     }
 
-    /// The product with a vector. It goes through [`matrix`](Self::matrix), so that a product without an assembled matrix
-    /// has the componentwise rounding error of one with it.
+    /// The product with a vector. It uses [`matrix`](Self::matrix), so that matrix-free and assembled products have the same componentwise
+    /// rounding error.
     #[inline]
     pub fn apply(&self, d: &Vector3<f64>) -> Vector3<f64> {
         self.matrix() * d
     }
 }
 
+/// The tension of a spring law at one length, and its slope.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tension {
+    /// T, in N; positive where the spring pulls its ends together.
+    pub force: f64,
+    /// T', in N/m.
+    pub slope: f64,
+}
+
+/// A force law for all springs of a system in place of `T = k (l/l0 − 1)`; see
+/// [`System::with_spring_law`](crate::System::with_spring_law). Damping along the spring is not affected.
+///
+/// # Examples
+/// Springs that stiffen with the cube of their strain:
+///
+/// ```
+/// use sprung::Spring;
+/// use sprung::spring::{SpringLaw, Tension};
+///
+/// #[derive(Debug)]
+/// struct Cubic;
+///
+/// impl SpringLaw for Cubic {
+///     fn tension(&self, _: usize, spring: &Spring, length: f64) -> Tension {
+///         let (k, strain) = (spring.stiffness, length / spring.rest_length - 1.0);
+///         Tension { force: k * (strain + strain.powi(3)), slope: k * (1.0 + 3.0 * strain * strain) / spring.rest_length }
+///     }
+///
+///     fn energy(&self, _: usize, spring: &Spring, length: f64) -> f64 {
+///         let strain = length / spring.rest_length - 1.0;
+///         spring.stiffness * spring.rest_length * (strain.powi(2) / 2.0 + strain.powi(4) / 4.0)
+///     }
+/// }
+///
+/// let spring = Spring { stiffness: 8.0, rest_length: 2.0, damping: 0.0 };
+/// assert_eq!(Cubic.tension(0, &spring, 4.0), Tension { force: 16.0, slope: 16.0 });
+/// ```
+pub trait SpringLaw: Debug + Send + Sync {
+    /// The tension of spring `number` with parameters `spring` at `length`, in m.
+    fn tension(&self, number: usize, spring: &Spring, length: f64) -> Tension;
+
+    /// The stored energy `∫ T dl` at `length`, in J. If it does not match the tension, line searches fail and runs end as `unstable`.
+    fn energy(&self, number: usize, spring: &Spring, length: f64) -> f64;
+
+    /// True if [`values`](Self::values) is to be called once for all springs, in place of one call for each. It pays for laws with costly calls, such as
+    /// those written in Python.
+    fn is_asked_at_once(&self) -> bool {
+        false
+    }
+
+    /// Tension and energy of all springs of the system, those between held particles included, in order.
+    fn values(&self, springs: &[Spring], lengths: &[f64]) -> Vec<LawValue> {
+        let each = springs.iter().zip(lengths).enumerate();
+        let value = |(number, (spring, &length)): (usize, (&Spring, &f64))| LawValue {
+            tension: self.tension(number, spring, length),
+            energy: self.energy(number, spring, length),
+        };
+        each.map(value).collect()
+    }
+}
+
+/// Tension and energy of one spring.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LawValue {
+    /// T and T'.
+    pub tension: Tension,
+    /// The stored energy, in J.
+    pub energy: f64,
+}
+
+/// The values of a law that is evaluated for all springs at once; empty for other laws, which are evaluated spring by spring.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct LawValues(Vec<LawValue>);
+
+impl LawValues {
+    /// No values.
+    pub(crate) const NONE: &'static Self = &Self(Vec::new());
+
+    /// The values at these lengths.
+    pub(crate) fn of(law: &dyn SpringLaw, springs: &[Spring], lengths: &[f64]) -> Self {
+        Self(law.values(springs, lengths))
+    }
+
+    /// The values of one spring.
+    #[inline]
+    pub(crate) fn get(&self, number: usize) -> Option<&LawValue> {
+        self.0.get(number)
+    }
+}
+
+impl Spring {
+    /// The spring of the built-in law with the given tension and slope at `length`, and this spring's damping.
+    pub(crate) fn tangent(&self, Tension { force, slope }: Tension, length: f64) -> Self {
+        let mut slope = slope.max(1e-9 * self.axial_stiffness());
+        if (slope * length - force).abs() < 1e-9 * slope * length {
+            slope *= 1.0 + 1e-8;
+        }
+        let stiffness = slope * length - force;
+        Self { stiffness, rest_length: stiffness / slope, damping: self.damping }
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{Extension, Spring, SpringBlock, Stiffness};
+    use super::{Extension, Spring, SpringBlock, Stiffness, Tension};
     use nalgebra::{Matrix3, Vector3};
 
     const SPRING: Spring = Spring { stiffness: 20.0, rest_length: 2.5, damping: 3.0 };
@@ -341,6 +437,40 @@ mod tests {
         for (length, is_compressed) in [(1.999, true), (2.0, false), (2.001, false)] {
             let at = Extension { direction: Vector3::x(), length };
             assert_eq!(spring.is_compressed(&at), is_compressed, "{length}");
+        }
+    }
+
+    /// Force and both coefficients of the block, of pulling and pushing springs; the force does not depend on a slope that is not positive.
+    #[test]
+    fn tangents_have_the_tension_and_its_slope() {
+        let own = Spring { stiffness: 5.0, rest_length: 1.0, damping: 0.5 };
+        for (force, slope) in [(3.0, 4.0), (-3.0, 4.0), (50.0, 4.0), (8.0, 4.0), (0.0, 1.0), (2.0, 0.0), (-2.0, -7.0)] {
+            let at = Extension { direction: Vector3::x(), length: 2.0 };
+            let tangent = own.tangent(Tension { force, slope }, at.length);
+            assert!((tangent.elastic_force(&at).x + force).abs() < 1e-12 * (1.0 + force.abs()), "{force} {slope}");
+            let block = tangent.stiffness_block(&at, Stiffness::Full);
+            assert!((block.transverse - force / 2.0).abs() < 1e-12 * (1.0 + force.abs()), "{force} {slope}");
+            assert!((block.axial - slope.max(0.0)).abs() < 1e-7, "{force} {slope}: {}", block.axial);
+            assert!(tangent.stiffness_block(&at, Stiffness::Tension).transverse >= 0.0);
+            assert_eq!(tangent.damping, 0.5);
+        }
+    }
+
+    /// The slope is raised by 1e-8 near T = T' l, and to 1e-9 k/l0 = 2.5e-9 below that.
+    #[test]
+    fn slopes_are_changed_only_where_there_is_no_tangent() {
+        let own = Spring { stiffness: 5.0, rest_length: 2.0, damping: 0.0 };
+        let slope = |force: f64, slope: f64| {
+            let tangent = own.tangent(Tension { force, slope }, 2.0);
+            tangent.stiffness / tangent.rest_length
+        };
+        let more = 4.0 * (1.0 + 1e-8);
+        for (off, expected) in [(-2e-9, 4.0), (-5e-10, more), (0.0, more), (5e-10, more), (2e-9, 4.0)] {
+            let found = slope(8.0 * (1.0 + off), 4.0);
+            assert!((found / expected - 1.0).abs() < 1e-14, "{off} {found}");
+        }
+        for (given, expected) in [(-1.0, 2.5e-9), (2e-9, 2.5e-9), (3e-9, 3e-9)] {
+            assert!((slope(1.0, given) / expected - 1.0).abs() < 1e-14, "{given}");
         }
     }
 }

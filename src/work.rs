@@ -1,47 +1,38 @@
-//! Counters of work: what a computation did, whatever machine it ran on.
+//! Counters of work, which do not depend on the machine.
 
 use serde::{Deserialize, Serialize};
 
-/// How often each expensive thing was done. Tests lock these numbers; charts put them beside time.
-///
-/// # Examples
-/// ```
-/// use sprung::work::Work;
-///
-/// let mut work = Work { factorizations: 1, ..Work::default() };
-/// work.add(&Work { factorizations: 2, solves: 5, ..Work::default() });
-/// assert_eq!((work.factorizations, work.solves), (3, 5));
-/// ```
+/// The number of times each expensive operation was done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Work {
     /// Evaluations of f_el (with f_d and gravity where the method needs them).
     pub force_evaluations: u64,
     /// Computations of the spring blocks of A, assembled or not.
     pub assemblies: u64,
-    /// Orderings, with symbolic analysis where factorizations may pay.
+    /// Orderings and symbolic analyses.
     pub symbolic_factorizations: u64,
     /// Numeric factorizations, refused ones included.
     pub factorizations: u64,
     /// Linear systems solved, failed ones included.
     pub solves: u64,
-    /// Of these, those by conjugate gradients.
+    /// Solves by conjugate gradients.
     pub iterative_solves: u64,
     /// Products with A inside conjugate gradients.
     pub cg_iterations: u64,
-    /// Of these, those without a preconditioner.
+    /// Iterations without a preconditioner.
     pub plain_iterations: u64,
-    /// Of all, those preconditioned with multigrid.
+    /// Iterations preconditioned with multigrid.
     pub multigrid_iterations: u64,
     /// Solves by conjugate gradients that started from earlier solutions.
     pub warm_starts: u64,
-    /// Computations of the coarse levels of multigrid, refused ones included.
+    /// Set-ups of the coarse levels of multigrid, refused ones included.
     pub multigrid_setups: u64,
     /// Newton iterations of nonlinear methods.
     pub newton_iterations: u64,
 }
 
 impl Work {
-    /// Adds what another computation did.
+    /// Adds the counters of another computation.
     pub fn add(&mut self, other: &Self) {
         let Self {
             force_evaluations,

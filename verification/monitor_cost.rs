@@ -1,4 +1,4 @@
-//! What accompanying a run costs: the same steps without, with energies alone, and with a monitor, in turn in one process.
+//! The cost of monitoring a run: the same steps without, with energies alone, and with a monitor, in turn in one process.
 //!
 //! ```sh
 //! cargo xtask monitor-cost
@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
 /// The fastest of steps alone, with the energy balance, and with the propagated error too, in s.
 fn measure(system: &System, start: &State, method: Method) -> sprung::Result<[f64; 3]> {
     let steps = (100_000 / (system.springs().len() + 10)).clamp(5, 1000) as u64;
-    // Of implicit methods a length that such scenes are run with, at which none of them breaks down; steps of others cost the same
+    // For implicit methods a length that such scenes are run with, at which none of them breaks down; steps of others cost the same
     // whatever their length.
     let schedule = Schedule::steps(if method.is_implicit() { 0.002 } else { 1e-5 }, steps);
     let mut fastest = [f64::INFINITY; 3];

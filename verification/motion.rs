@@ -24,7 +24,7 @@ const STEPS: [f64; 5] = [1.0 / 60.0, 0.01, 0.005, 0.0025, 0.00125];
 /// Times are measured with steps from here on; of shorter ones enough is known then.
 const TIMED: f64 = 0.005;
 
-/// How often each of two methods is run to compare their times.
+/// Runs of each of two methods that are timed.
 const TURNS: usize = 9;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -114,7 +114,7 @@ impl Cloth {
 }
 
 struct Run {
-    /// Of the state at the end; the status of a run that did not come there.
+    /// The error at the end; the status of a run that failed.
     error: String,
     steps: u64,
     statistics: Statistics,

@@ -215,7 +215,7 @@ impl Measurement<'_> {
         let mut method = ConjugateGradient::new(b.len(), 1e-10);
         let mut x = vec![0.0; b.len()];
         let mut work = Work::default();
-        preconditioner.place(&self.state.positions);
+        preconditioner.set_positions(&self.state.positions);
         let mut run = || {
             x.fill(0.0);
             let start = Clock::start(self.threads);

@@ -1,4 +1,4 @@
-//! What ranks find out together, so that all of them go on or none.
+//! Collective decisions: all ranks continue, or none.
 
 use crate::{Stop, ranks};
 

@@ -1,8 +1,7 @@
-//! What a run needs to go on, on any number of ranks: `checkpoint-mpi.json`, and the state by number in a file beside it.
+//! Checkpoints, independent of the number of ranks: `checkpoint-mpi.json` and a file with the state.
 //!
-//! All ranks write their range of the state into one file at once, positions and velocities of six numbers a particle, little
-//! endian, in the order of the scene. The small file that names it comes last and in one move, so that there is always a whole
-//! checkpoint.
+//! All ranks write their ranges of the state into one file: position and velocity of each particle, little endian, in the order of the scene.
+//! The JSON file that names it is replaced last and atomically, so there is always a complete checkpoint.
 
 use crate::part::Part;
 use crate::results::{by_number, by_part};

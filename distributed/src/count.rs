@@ -1,4 +1,4 @@
-//! `sprung-mpi count`: what a scene would cost on so many ranks, by cutting it and counting.
+//! `sprung-mpi count`: communication and balance of a scene on a given number of ranks.
 
 use crate::load::Source;
 use crate::slab::SPRING;

@@ -1,14 +1,13 @@
-//! Scenes in files of which every rank reads its own share: a folder with `scene.json`, `particles.bin`, `springs.bin`, `leads.bin`.
+//! Split scenes, of which every rank reads its own part: a folder with `scene.json`, `particles.bin`, `springs.bin`, `leads.bin`.
 //!
-//! | file | what it holds |
+//! | file | contents |
 //! |---|---|
 //! | `scene.json` | format, name, dimension, gravity, counts, times, the motions of constraints |
-//! | `particles.bin` | seven numbers a particle: x (m), v (m/s), m (kg); prescribed coordinates where their motion starts from |
-//! | `springs.bin` | five a spring: i, j, k (N), l0 (m), b (N·s/m) |
-//! | `leads.bin` | three a prescribed coordinate, by particle and axis: particle, axis, number of its motion |
+//! | `particles.bin` | seven numbers for each particle: x (m), v (m/s), m (kg); prescribed coordinates at the start of their motion |
+//! | `springs.bin` | five for each spring: i, j, k (N), l0 (m), b (N·s/m) |
+//! | `leads.bin` | three for each prescribed coordinate, by particle and axis: particle, axis, index of its motion |
 //!
-//! All numbers are doubles, little endian; what is whole in them is exact. The files say nothing about ranks: any number of them
-//! reads them, and cuts the scene anew.
+//! All numbers are little-endian doubles; integers are exact. The files do not depend on the number of ranks.
 
 use crate::agreed::{agreed, one_of_all};
 use crate::slab::{self, Header, LEAD, PARTICLE, SPRING, Slab};

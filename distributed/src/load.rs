@@ -1,4 +1,4 @@
-//! Where a scene comes from: a file that rank 0 reads and shares out, a folder of which every rank reads its share, or a formula.
+//! Sources of scenes: a file that rank 0 reads and distributes, a split scene, or a formula.
 
 use crate::agreed::agreed;
 use crate::slab::{self, Header, Slab};

@@ -1,23 +1,23 @@
-//! `sprung-mpi`: the scenes of `sprung` on many processes and machines, by PETSc over MPI.
+//! `sprung-mpi`: the scenes of `sprung` on many processes and machines, with PETSc and MPI.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
-//! | `petsc` | the part of PETSc that is used, and all `unsafe` but one function |
-//! | `waiting` | that function: what ranks do while they wait |
-//! | `ranks` | what ranks say to each other |
-//! | `slab` | a scene as it lies on the ranks before it is cut |
-//! | `files` | the same in files, of which every rank reads its own share |
-//! | `agreed` | what ranks find out together |
-//! | `ready` | ready scenes, of which every rank makes its own share |
-//! | `part` | one rank's particles, springs and ghosts |
-//! | `rows` | the rows of the matrix that belong to a part |
-//! | `solver` | the linear systems of all parts |
+//! | `petsc` | bindings to PETSc, with all `unsafe` code but one function |
+//! | `waiting` | that function: sleeping while waiting |
+//! | `ranks` | communication between ranks |
+//! | `slab` | the distribution of a scene before partitioning |
+//! | `files` | split scenes, of which every rank reads its own part |
+//! | `agreed` | collective decisions |
+//! | `ready` | ready scenes, of which every rank generates its own part |
+//! | `part` | the subdomain of a rank: particles, springs and ghosts |
+//! | `rows` | the matrix rows of a subdomain |
+//! | `solver` | global linear systems |
 //! | `results`, `checkpoint` | files |
-//! | `load` | which of these a command works on |
-//! | `method` | the words for methods and solvers |
+//! | `load` | sources of scenes |
+//! | `method` | names of methods and solvers |
 //! | `run`, `matrix`, `split`, `count` | the commands |
 //!
-//! Steps, forces, energies and indicators are those of the library, on systems that are parts (see `sprung::system::Communicator`).
+//! Steps, forces, energies and indicators are those of the library, on subdomains (see `sprung::system::Communicator`).
 
 mod agreed;
 mod checkpoint;

@@ -55,8 +55,8 @@ impl Matrix {
         let operator = SystemOperator::new(system, &extensions, option, Combination::step(self.dt));
         let choice = self.method.choice();
         let mut solver = or_end(PetscSolver::new(&petsc, system, halo.clone(), choice, self.method.tolerance));
-        solver.place(&part.state.positions);
-        or_end(solver.take(&operator, &mut Work::default()));
+        solver.set_positions(&part.state.positions);
+        or_end(solver.update(&operator, &mut Work::default()));
 
         // A row of the gathered matrix is the number of a free coordinate in the scene's order: particle, then axis.
         let size = header.dimension;

@@ -1,4 +1,4 @@
-//! The words that say which method, stiffness and linear solver.
+//! Names of methods, stiffness options and linear solvers.
 
 use crate::or_end;
 use crate::petsc::Petsc;

@@ -1,8 +1,8 @@
-//! One rank's part of a scene: its own particles, copies of their neighbours, and the springs that touch its own.
+//! The subdomain of a rank: its own particles, ghost copies of adjacent ones, and the springs of its own.
 //!
-//! The graph of the springs is cut so that ranks have equally many particles and few springs between them (PT-Scotch). Own particles
-//! and ghosts each keep the order of the scene, and so do springs: every row of the matrix adds its springs in the
-//! scene's order, so its entries are the same to the bit however the scene is cut.
+//! PT-Scotch partitions the graph of the springs into subdomains with equally many particles and few springs between them. Own particles, ghosts
+//! and springs each keep the order of the scene. Every matrix row therefore adds its springs in that order, and its entries have the same bits for
+//! any partition.
 
 use crate::petsc::{self, Petsc};
 use crate::ranks;
@@ -14,30 +14,30 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::sync::Arc;
 
-/// Particles a rank below which a scene is cut in blocks of consecutive numbers: there is nothing to gain.
+/// The number of particles per rank below which a scene is partitioned into consecutive blocks.
 const LEAST: u64 = 16;
 
-/// A part of a scene.
+/// A subdomain of a scene.
 pub struct Part {
     pub system: System,
     pub state: State,
     pub halo: Arc<Halo>,
 }
 
-/// What a part knows of the scene around it.
+/// The connection of a subdomain to the scene.
 #[derive(Debug)]
 pub struct Halo {
-    /// Numbers in the scene of own particles and then of ghosts, each ascending.
+    /// Scene indices of own particles, then of ghosts, each ascending.
     pub particles: Vec<u64>,
-    /// Numbers in the scene of the springs, ascending.
+    /// Scene indices of springs, ascending.
     pub springs: Vec<u64>,
-    /// Number of own particles.
+    /// The number of own particles.
     pub own: usize,
-    /// Numbers of the matrix's rows of blocks: own particles have consecutive ones.
+    /// Block rows of the matrix; those of own particles are consecutive.
     pub rows: Vec<u64>,
-    /// Own particles whose copies a rank has, by rank.
+    /// Own particles with copies on other ranks, by rank.
     sends: Vec<(usize, Vec<u32>)>,
-    /// Ghosts whose originals a rank has, by rank.
+    /// Ghosts, by the rank of their owner.
     receives: Vec<(usize, Vec<u32>)>,
 }
 
@@ -50,7 +50,7 @@ impl Communicator for Halo {
         ranks::largest(numbers);
     }
 
-    fn refresh(&self, vectors: &mut [Vector3<f64>]) {
+    fn halo_exchange(&self, vectors: &mut [Vector3<f64>]) {
         let pack = |list: &Vec<u32>| list.iter().flat_map(|&p| vectors[p as usize].iter().copied()).collect();
         let sent: Vec<(usize, Vec<f64>)> = self.sends.iter().map(|(rank, list)| (*rank, pack(list))).collect();
         let room = |(rank, list): &(usize, Vec<u32>)| (*rank, vec![0.0; 3 * list.len()]);

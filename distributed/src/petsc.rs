@@ -1,8 +1,8 @@
-//! The part of PETSc that this program uses: every handle is owned by a value that destroys it, every error is a `Result`.
+//! Bindings to PETSc: every handle is owned by a value that destroys it, and every error is a `Result`.
 //!
-//! All `unsafe` of the program is in this file, in that of `partition`, and around one function in `waiting`. What makes the calls sound is the same everywhere: handles come from PETSc, are used
-//! only while the [`Petsc`] that they borrow is alive, and are destroyed once, by their owner; arrays are as long as PETSc is
-//! told. A reason that is another one stands beside its call.
+//! All `unsafe` code is in this file, in that of `partition`, and around one function in `waiting`. The calls are sound because handles come from PETSc, are
+//! used only while the [`Petsc`] that they borrow is alive, and are destroyed once, by their owner, and arrays have the length that PETSc receives. Other
+//! reasons are given at the call.
 //!
 //! Calls are collective: all ranks make the same ones in the same order, and drop in the same order. An `Err` on one rank alone
 //! leaves the others waiting, so `main` ends with `MPI_Abort` on every one that not all ranks have.

@@ -1,4 +1,4 @@
-//! The ranks of the run and what they say to each other. Every function that talks is called by all of them, in the same order.
+//! Communication between ranks. All ranks call every function, in the same order.
 
 use mpi::Rank;
 use mpi::collective::SystemOperation;

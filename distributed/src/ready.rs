@@ -1,6 +1,6 @@
-//! Ready scenes of which every rank makes its own share: those whose particles follow a formula.
+//! Ready scenes with a formula for their particles, of which every rank generates its own part.
 //!
-//! They are the scenes of `sprung::scene::builtin` number by number; a test holds them to each other. Sizes go as far as numbers do.
+//! They equal the scenes of `sprung::scene::builtin`, as a test checks, and have no limit on their size.
 
 use crate::ranks;
 use crate::slab::{self, Header, LEAD, Moves, PARTICLE, SPRING, Slab};

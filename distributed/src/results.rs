@@ -104,7 +104,7 @@ impl Frames {
     /// Of the steps that `every` divides; goes on behind frames of an earlier part of the run.
     pub fn new(folder: &Path, every: NonZeroU64, part: &Part, series: Vec<(f64, u64)>) -> Self {
         let system = &part.system;
-        let counted = (0..system.springs().len()).filter(|&spring| system.counts(spring));
+        let counted = (0..system.springs().len()).filter(|&spring| system.owns_spring(spring));
         let mut builder = SystemBuilder::new();
         // Where ends may coincide by now: positions play no part in a piece, and these never do.
         builder.positions = (0..system.particles()).map(|p| Vector3::new(p as f64, 0.0, 0.0)).collect();

@@ -9,10 +9,10 @@ use crate::petsc::{End, Matrix, Petsc, Solver, Vector};
 use crate::ranks;
 use crate::rows::Rows;
 use sprung::System;
-use sprung::linear::{Definiteness, Evidence, Held, LinearSolver, NotConverged, Solution, SolveFailure};
+use sprung::linear::{Definiteness, Evidence, LinearSolver, NotConverged, PreparedMatrix, Solution, SolveFailure};
 use sprung::nalgebra::Vector3;
 use sprung::operator::{LinearOperator, SystemOperator};
-use sprung::system::{Dof, Communicator};
+use sprung::system::{Communicator, Dof};
 use sprung::work::Work;
 use std::sync::Arc;
 
@@ -304,7 +304,7 @@ impl<'p> PetscSolver<'p> {
                 full.as_mut_slice()[..size].copy_from_slice(value);
             }
         })?;
-        self.halo.refresh(&mut self.full);
+        self.halo.halo_exchange(&mut self.full);
         dofs.gather(&self.full, x);
         let relative_residual = self.residual(a, b, x);
         let iterations = work.cg_iterations - before;
@@ -335,7 +335,7 @@ impl LinearSolver for PetscSolver<'_> {
         self.choice.preconditioner()
     }
 
-    fn place(&mut self, positions: &[Vector3<f64>]) {
+    fn set_positions(&mut self, positions: &[Vector3<f64>]) {
         let (own, size) = (self.halo.own, self.rows.size);
         or_abort(self.positions.with(size * own, |values| {
             for (value, x) in values.chunks_exact_mut(size).zip(positions) {
@@ -344,7 +344,7 @@ impl LinearSolver for PetscSolver<'_> {
         }));
     }
 
-    fn take(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+    fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
         let is_finite = a.blocks().iter().all(|block| block.axial.is_finite() && block.transverse.is_finite());
         if ranks::any(!is_finite || !a.mass_factor().is_finite()) {
             return Err(SolveFailure::NonFinite);
@@ -358,13 +358,19 @@ impl LinearSolver for PetscSolver<'_> {
         self.tolerance = tolerance;
     }
 
-    fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
+    fn solve(
+        &mut self,
+        a: PreparedMatrix<'_>,
+        b: &[f64],
+        x: &mut [f64],
+        work: &mut Work,
+    ) -> Result<Solution, SolveFailure> {
         or_abort(self.run(&a, b, x, work))
     }
 
     fn solve_aside(
         &mut self,
-        a: Held<'_>,
+        a: PreparedMatrix<'_>,
         b: &[f64],
         x: &mut [f64],
         tolerance: f64,

@@ -1,4 +1,4 @@
-//! What the fuzz targets do with their bytes. They panic where a claim does not hold; `cargo fuzz` runs them with coverage, and
+//! The bodies of the fuzz targets. They panic where a claim does not hold; `cargo fuzz` runs them with coverage, and
 //! `cargo xtask stress fuzz` without.
 #![allow(dead_code, reason = "every target uses its own part")]
 
@@ -20,7 +20,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 use system::Bytes;
 
-/// What a target does with its bytes.
+/// The body of a target.
 type Body = fn(&[u8]);
 
 /// A body by its name.

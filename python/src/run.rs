@@ -11,8 +11,8 @@ use pyo3::exceptions::{PyRuntimeError, PyStopIteration};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sprung::integrate::{Monitor, Schedule, Status};
-use sprung::output::{ChoiceReport, ErrorKind, ErrorReport, Ran};
-use sprung::plan::{Plan, RunOptions};
+use sprung::output::{ChoiceReport, RunRecord};
+use sprung::plan::RunOptions;
 use sprung::{State, System};
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -124,9 +124,8 @@ fn simulate(
     if matches!(status, Status::Completed | Status::Interrupted) {
         recorded.end(state);
     }
-    let (error, warnings) = doubts(&plan, status, &monitor, state);
     let stepper = stepper.get();
-    let ran = Ran {
+    let record = RunRecord {
         scene: (*name).to_owned(),
         system,
         plan: &plan,
@@ -137,28 +136,7 @@ fn simulate(
         statistics: *stepper.statistics(),
         state,
         wall_seconds: clock.elapsed().as_secs_f64(),
-        error,
-        warnings,
-        choice: choice(pacing, &plan),
+        choice: ChoiceReport::of_plan(&plan, pacing.is_chosen),
     };
-    Ok(Done { summary: ran.summary(), recorded })
-}
-
-/// What the program chose.
-fn choice(pacing: &Pacing, plan: &Plan) -> Option<ChoiceReport> {
-    let rtol = pacing.rtol;
-    let why = if pacing.is_chosen { "no dt is given: " } else { "" };
-    let steps = rtol.map(|rtol| format!("{why}adaptive steps, rtol {rtol:e}"));
-    let reasons: Vec<String> = steps.into_iter().chain(plan.reason.clone()).collect();
-    (!reasons.is_empty()).then(|| ChoiceReport { rtol, ..ChoiceReport::of_preset(reasons.join("; ")) })
-}
-
-/// How wrong a run is about, and what makes it doubtful. One that broke down says nothing of the motion.
-fn doubts(plan: &Plan, status: Status, monitor: &Monitor, state: &State) -> (Option<ErrorReport>, Vec<String>) {
-    if !matches!(status, Status::Completed | Status::Interrupted) {
-        return (None, Vec::new());
-    }
-    let indicators = monitor.indicators(state);
-    let warnings = indicators.warnings(plan.rtol).iter().map(ToString::to_string).collect();
-    (indicators.estimate.map(|estimate| ErrorReport { estimate, kind: ErrorKind::Indicator }), warnings)
+    Ok(Done { summary: record.summary(), recorded })
 }

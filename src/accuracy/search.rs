@@ -1,7 +1,10 @@
 //! The search for an answer: a run, then one at least twice as fine, until both agree as the order and the propagated error say.
 
-use super::observer::{Observer, SearchProgress};
-use super::{Configuration, SpectralRadius, StepControl, default_method, extent, relative_position_error};
+use super::trial::adaptive_stepper;
+use super::{
+    Configuration, Observer, SearchProgress, SpectralRadius, StepControl, default_method, extent,
+    relative_position_error,
+};
 use crate::error::Result;
 use crate::integrate::{
     AdaptiveOptions, ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, OutputTimes, Schedule,
@@ -13,7 +16,7 @@ use faer::Par;
 use nalgebra::{Matrix3, Vector3};
 use std::ops::ControlFlow;
 
-/// The accuracy that is required of an answer, and what the search may choose.
+/// The accuracy required of an answer, and the choices of the search.
 #[derive(Debug, Clone, Copy)]
 pub struct AccuracyOptions {
     /// R, the largest [relative position error](super::relative_position_error) at the end.
@@ -32,10 +35,10 @@ pub struct AccuracyOptions {
     pub solver: Option<SolverChoice>,
 }
 
-/// Whether an answer has the accuracy that was required.
+/// The verdict on an answer's accuracy.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
-    /// Two runs and the propagated error agree that it has.
+    /// Two runs and the propagated error agree on the accuracy required.
     Confirmed,
     /// It could not be confirmed, for the reason given.
     Unconfirmed(String),
@@ -73,7 +76,7 @@ pub struct Answer<R> {
     pub solver: SolverReport,
     /// Estimated relative position error; `None` where nothing is known of it.
     pub estimated_error: Option<f64>,
-    /// Whether it has the accuracy required.
+    /// The verdict on its accuracy.
     pub verdict: Verdict,
     /// The time, in s, until which positions are predictable to the accuracy, where that is before the end.
     pub predictable_until: Option<f64>,
@@ -85,7 +88,7 @@ pub struct Answer<R> {
     pub total_cost: f64,
     /// Number of runs, this one included.
     pub runs: u32,
-    /// What was recorded of the run.
+    /// The records of the run.
     pub records: R,
 }
 
@@ -101,7 +104,7 @@ impl<R> Answer<R> {
         format!("{run} ends with {error}: {cost:.0} force evaluations, {total_cost:.0} in all {runs} runs")
     }
 
-    /// What keeps it from being relied on, or from saying much, in words.
+    /// Reasons not to rely on the answer.
     pub fn warnings(&self, accuracy: f64) -> Vec<String> {
         let required = percent(accuracy);
         let known = self.estimated_error.map_or_else(
@@ -118,7 +121,8 @@ impl<R> Answer<R> {
                 Some(format!("an accuracy of {required} could not be confirmed, {why}: {known}"))
             }
         };
-        let small = (self.motion > 0.0 && self.motion < RESOLVED * accuracy).then(|| {
+        // An error of a tenth of the motion hardly resolves it.
+        let small = (self.motion > 0.0 && self.motion < 10.0 * accuracy).then(|| {
             format!(
                 "the motion itself is {} of the extent: an accuracy of {required} says little of it",
                 percent(self.motion)
@@ -128,23 +132,25 @@ impl<R> Answer<R> {
     }
 }
 
-/// A motion of less than so many times the accuracy is hardly resolved by the answer.
-const RESOLVED: f64 = 10.0;
-
-/// The second run's steps are at least so many times as fine.
+/// The factor by which the second run's steps are finer, at least: the least for which its difference from the first tells the
+/// error of the first.
 const FINER: f64 = 2.0;
 
-/// Propagated errors are within so many times of the truth in nine of ten runs: a difference beyond that is not explained by them.
+/// Nine in ten propagated errors are within so many times of the truth (`verification/study.md`): a difference beyond that is not
+/// explained by them.
 const AGREEMENT: f64 = 3.0;
 
-/// The relative error from which its linear equation says little.
+/// The relative error from which the linear equation of propagated errors does not hold.
 const LINEAR: f64 = 0.1;
 
-/// The search goes on for so many times the cost of the run that showed that the propagated error reaches the accuracy.
+/// The search goes on for so many times the cost of the run whose propagated error first exceeds the accuracy. A choice.
 const WORTH: f64 = 10.0;
 
-/// Runs that break down before the search ends without an answer.
+/// Runs that break down, each with steps four times as fine as the one before, until the search ends. A choice.
 const MOST_FAILURES: u32 = 6;
+
+/// The tolerance below which the error estimates of steps are rounding, for double precision and methods of order eight.
+const LEAST_TOLERANCE: f64 = 1e-11;
 
 /// A method with its step or tolerance.
 #[derive(Debug, Clone, Copy)]
@@ -154,7 +160,7 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// With steps so many times as fine, as far as the order of the method tells.
+    /// With steps so many times as fine, by the order of the method.
     fn finer(self, factor: f64) -> Self {
         let order = self.configuration.method.order() as i32;
         let control = match self.control {
@@ -166,7 +172,7 @@ impl Candidate {
         Self { control, ..self }
     }
 
-    /// The improvement that is counted on from the coarser run to the finer one: half of the digits that the order promises.
+    /// The factor by which the finer run is expected to be better: half of the digits that the order promises.
     fn improvement(&self) -> f64 {
         FINER.powf(0.5 * f64::from(self.configuration.method.order()))
     }
@@ -174,13 +180,21 @@ impl Candidate {
     fn is_at_the_limit(&self) -> bool {
         matches!(self.control, StepControl::Adaptive { rtol, .. } if rtol <= LEAST_TOLERANCE)
     }
+
+    /// The cost of a run of another candidate over that of this one, by their orders; 1 for another kind of steps.
+    fn cost_ratio(&self, other: &Self) -> f64 {
+        match (self.control, other.control) {
+            (StepControl::Step(dt), StepControl::Step(finer)) => dt / finer,
+            (StepControl::Adaptive { rtol, .. }, StepControl::Adaptive { rtol: finer, .. }) => {
+                (rtol / finer).powf(1.0 / f64::from(self.configuration.method.order()))
+            }
+            _ => 1.0,
+        }
+    }
 }
 
-/// Below this tolerance the estimates of steps are rounding.
-const LEAST_TOLERANCE: f64 = 1e-11;
-
-/// Runs until the answer is confirmed, or until it is known that it cannot be for ten times the cost. `None` where no run comes to its end. `go_on` is asked
-/// all the time; when it says no, the best answer so far is handed out as interrupted.
+/// Runs until the answer is confirmed, or cannot be for ten times the cost. `None` where no run comes to its end. Where `go_on`
+/// returns `false` the search ends with the best answer so far, as interrupted.
 ///
 /// # Errors
 /// Coincident ends of a spring in `start`; a matrix that is too large; an error of the observer.
@@ -224,98 +238,80 @@ pub fn run_to_accuracy<O: Observer>(
         Search { system, start, options, observer, go_on, costs: CostModel::of(system), spent: 0.0, runs: 0 };
     let mut candidate = search.first_candidate()?;
     let (mut failures, mut worth) = (0, f64::INFINITY);
-    let mut best: Option<Completed<O::Records>> = None;
+    let mut best: Option<(Candidate, Answer<O::Records>)> = None;
     let mut until = None;
-    loop {
+    let verdict = loop {
         let coarse = match search.run(candidate, true)? {
             Attempt::Completed(run) => *run,
-            Attempt::Interrupted => return Ok(best.map(|run| search.answer(run, Verdict::Interrupted, until))),
+            Attempt::Interrupted => break Verdict::Interrupted,
             Attempt::Failed if failures < MOST_FAILURES => {
                 failures += 1;
                 candidate = candidate.finer(FINER * FINER);
                 continue;
             }
-            Attempt::Failed => {
-                let why = "finer runs break down".into();
-                return Ok(best.map(|run| search.answer(run, Verdict::Unconfirmed(why), until)));
-            }
+            Attempt::Failed => break Verdict::Unconfirmed("finer runs break down".into()),
         };
-        let estimate = coarse.error.unwrap_or(f64::INFINITY);
+        let estimate = coarse.estimated_error.unwrap_or(f64::INFINITY);
         let allowed = accuracy.max(LINEAR.min(accuracy * candidate.improvement()));
         until = coarse.predictable_until;
         if estimate <= allowed {
-            let mut fine = match search.run(candidate.finer(FINER), false)? {
+            let second = candidate.finer(FINER);
+            let mut fine = match search.run(second, false)? {
                 Attempt::Completed(run) => *run,
-                Attempt::Interrupted => return Ok(Some(search.answer(coarse, Verdict::Interrupted, until))),
+                Attempt::Interrupted => {
+                    best = Some((candidate, coarse));
+                    break Verdict::Interrupted;
+                }
                 Attempt::Failed => {
+                    best = Some((candidate, coarse));
                     candidate = candidate.finer(FINER * FINER);
-                    best = Some(coarse);
                     continue;
                 }
             };
             let apart = relative_position_error(&fine.state.positions, &coarse.state.positions, &start.positions);
-            // Not known to a part of that.
             let error = apart.max(estimate) / candidate.improvement();
             let agrees = apart <= AGREEMENT * estimate || apart <= accuracy / AGREEMENT;
-            fine.error = Some(error);
             if agrees && error <= accuracy {
-                return Ok(Some(search.answer(fine, Verdict::Confirmed, None)));
+                fine.estimated_error = Some(error);
+                (best, until) = (Some((second, fine)), None);
+                break Verdict::Confirmed;
             }
-            fine.error = Some(apart.max(error));
-            best = Some(fine);
+            fine.estimated_error = Some(apart.max(error));
+            best = Some((second, fine));
             worth = worth.min(WORTH * search.spent);
             candidate = candidate.finer(FINER * FINER);
         } else {
             worth = worth.min(WORTH * coarse.cost);
-            let next = search.refined(candidate, &coarse, estimate / allowed);
+            let next = search.refined(candidate, coarse.estimated_error, estimate / allowed);
             if next.configuration.method != candidate.configuration.method {
-                // The first run of another method shows it anew.
+                // The first run of another method sets it anew.
                 worth = f64::INFINITY;
             }
+            best = Some((candidate, coarse));
             candidate = next;
-            best = Some(coarse);
         }
-        let cost = best.as_ref().map_or(0.0, |run| run.cost * run.candidate.cost_ratio(&candidate));
-        if cost > worth || best.as_ref().is_some_and(|run| run.candidate.is_at_the_limit()) {
-            let why = "as the motion magnifies the errors of its steps".into();
-            return Ok(best.map(|run| search.answer(run, Verdict::Unconfirmed(why), until)));
+        let is_over = |(last, run): &(Candidate, Answer<O::Records>)| {
+            run.cost * last.cost_ratio(&candidate) > worth || last.is_at_the_limit()
+        };
+        if best.as_ref().is_some_and(is_over) {
+            break Verdict::Unconfirmed("as the motion magnifies the errors of its steps".into());
         }
-    }
+    };
+    Ok(best.map(|(_, run)| Answer {
+        estimated_error: run.estimated_error.filter(|error| error.is_finite()),
+        verdict,
+        predictable_until: until,
+        total_cost: search.spent,
+        runs: search.runs,
+        ..run
+    }))
 }
 
-impl Candidate {
-    /// The cost of a run of another candidate over that of this one, as their orders tell; of another method it is taken for the same.
-    fn cost_ratio(&self, other: &Self) -> f64 {
-        match (self.control, other.control) {
-            (StepControl::Step(dt), StepControl::Step(finer)) => dt / finer,
-            (StepControl::Adaptive { rtol, .. }, StepControl::Adaptive { rtol: finer, .. }) => {
-                (rtol / finer).powf(1.0 / f64::from(self.configuration.method.order()))
-            }
-            _ => 1.0,
-        }
-    }
-}
-
-/// What became of a run.
+/// The outcome of a run.
 enum Attempt<R> {
-    Completed(Box<Completed<R>>),
+    Completed(Box<Answer<R>>),
     Failed,
     Interrupted,
-}
-
-/// A run that came to its end.
-struct Completed<R> {
-    candidate: Candidate,
-    state: State,
-    steps: u64,
-    statistics: Statistics,
-    solver: SolverReport,
-    cost: f64,
-    /// The propagated error relative to the extent, where it was asked for.
-    error: Option<f64>,
-    predictable_until: Option<f64>,
-    motion: f64,
-    records: R,
 }
 
 struct Search<'s, O> {
@@ -328,15 +324,6 @@ struct Search<'s, O> {
     spent: f64,
     runs: u32,
 }
-
-/// The accuracy from which Verlet's method is tried first: with the longest stable steps it has two digits or three where slow motions matter.
-const FEW_DIGITS: f64 = 1e-3;
-
-/// The first step of Verlet's method in its limit of stability at the start, which springs that stretch lower.
-const STABLE: f64 = 0.7;
-
-/// Steps of a first run by a method of fixed steps that stability does not bound.
-const FIRST_STEPS: f64 = 200.0;
 
 impl<O: Observer> Search<'_, O> {
     fn configuration(&self, method: Method) -> Configuration {
@@ -354,14 +341,15 @@ impl<O: Observer> Search<'_, O> {
         Candidate { configuration: self.configuration(method), control }
     }
 
-    /// The method and the step or tolerance of the first run, by their price.
+    /// The method and the step or tolerance of the first run.
     fn first_candidate(&self) -> Result<Candidate> {
         let Self { system, start, options, .. } = self;
         let AccuracyOptions { accuracy, duration, .. } = **options;
         let method = match options.method {
             Some(method) => method,
             None => match default_method(system, start, duration)?.0 {
-                Method::Dop853 if accuracy >= FEW_DIGITS => Method::Verlet,
+                // With its longest stable steps it has two or three digits where slow motions matter.
+                Method::Dop853 if accuracy >= 1e-3 => Method::Verlet,
                 method => method,
             },
         };
@@ -369,18 +357,19 @@ impl<O: Observer> Search<'_, O> {
             return Ok(self.adaptive(method));
         }
         let dt = if method.is_implicit() {
-            duration / FIRST_STEPS
+            duration / 200.0
         } else {
-            STABLE * SpectralRadius::at(system, start)?.verlet_limit()
+            // Springs that stretch lower the limit of stability.
+            0.7 * SpectralRadius::at(system, start)?.verlet_limit()
         };
-        let control = StepControl::Step(dt.min(duration / FIRST_STEPS.min(8.0)));
+        let control = StepControl::Step(dt.min(duration / 8.0));
         Ok(Candidate { configuration: self.configuration(method), control })
     }
 
-    /// The candidate after one whose propagated error was so many times what is allowed.
-    fn refined(&self, candidate: Candidate, run: &Completed<O::Records>, excess: f64) -> Candidate {
+    /// The candidate after one with this propagated error, `excess` times the error allowed.
+    fn refined(&self, candidate: Candidate, error: Option<f64>, excess: f64) -> Candidate {
         let order = f64::from(candidate.configuration.method.order());
-        let is_saturated = run.error.is_none_or(|error| error > LINEAR);
+        let is_saturated = error.is_none_or(|error| error > LINEAR);
         let needed = if is_saturated { FINER * FINER } else { (2.0 * excess).powf(1.0 / order) };
         let is_free = self.options.method.is_none() && candidate.configuration.method == Method::Verlet;
         if is_free && needed >= FINER * FINER {
@@ -404,7 +393,7 @@ impl<O: Observer> Search<'_, O> {
         let is_free = system.prescribed().iter().next().is_none();
         let (observer, spent) = (&mut *self.observer, self.spent);
         let mut see = |number: u64, sample: &State, monitor: &Monitor| {
-            let deformed = if is_free { rigid_motion_apart(&start.positions, &sample.positions) } else { Vec::new() };
+            let deformed = if is_free { rigidly_aligned(&start.positions, &sample.positions) } else { Vec::new() };
             let moved = if is_free { &deformed } else { &sample.positions };
             let displacement =
                 moved.iter().zip(&start.positions).map(|(x, start)| (x - start).norm_squared()).sum::<f64>();
@@ -427,9 +416,7 @@ impl<O: Observer> Search<'_, O> {
                 (outcome, stepper)
             }
             StepControl::Adaptive { rtol, first_step } => {
-                let mut stepper = method.adaptive_stepper(system, start, &implicit)?.ok_or_else(|| {
-                    crate::Error::Unsupported(format!("{} has no error estimate for adaptive steps", method.name()))
-                })?;
+                let mut stepper = adaptive_stepper(method, system, start, &implicit)?;
                 let how = AdaptiveOptions {
                     duration,
                     rtol,
@@ -450,8 +437,9 @@ impl<O: Observer> Search<'_, O> {
         self.runs += 1;
         let ErrorIndicators { estimate, predictable_until, .. } = monitor.indicators(&state);
         Ok(match outcome.status() {
-            Status::Completed => Attempt::Completed(Box::new(Completed {
-                candidate,
+            Status::Completed => Attempt::Completed(Box::new(Answer {
+                configuration: candidate.configuration,
+                control,
                 steps: outcome.steps,
                 statistics,
                 solver: SolverReport {
@@ -460,40 +448,19 @@ impl<O: Observer> Search<'_, O> {
                     choice: solver.and_then(LinearSolver::choice),
                     factor,
                 },
-                cost,
-                error: estimate,
+                estimated_error: estimate,
+                verdict: Verdict::Interrupted,
                 predictable_until,
                 motion: motion / extent(&state.positions, &start.positions),
+                cost,
+                total_cost: self.spent,
+                runs: self.runs,
                 state,
                 records,
             })),
             _ if !go_on() => Attempt::Interrupted,
             _ => Attempt::Failed,
         })
-    }
-
-    fn answer(
-        &self,
-        run: Completed<O::Records>,
-        verdict: Verdict,
-        predictable_until: Option<f64>,
-    ) -> Answer<O::Records> {
-        Answer {
-            configuration: run.candidate.configuration,
-            control: run.candidate.control,
-            state: run.state,
-            steps: run.steps,
-            statistics: run.statistics,
-            solver: run.solver,
-            estimated_error: run.error.filter(|error| error.is_finite()),
-            verdict,
-            predictable_until,
-            motion: run.motion,
-            cost: run.cost,
-            total_cost: self.spent,
-            runs: self.runs,
-            records: run.records,
-        }
     }
 }
 
@@ -537,9 +504,9 @@ impl Sampler {
     }
 }
 
-/// Positions turned and moved as a whole to where they are nearest to others: the rigid motion by the singular value decomposition of their covariance
-/// (Kabsch, Acta Cryst. A32, 1976).
-fn rigid_motion_apart(reference: &[Vector3<f64>], positions: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+/// Positions moved rigidly to where they are nearest to a reference, by the singular value decomposition of their covariance (Kabsch,
+/// Acta Cryst. A32, 1976).
+fn rigidly_aligned(reference: &[Vector3<f64>], positions: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     let count = positions.len().max(1) as f64;
     let [centre, to] = [positions, reference].map(|list| list.iter().sum::<Vector3<f64>>() / count);
     let mut covariance = Matrix3::zeros();
@@ -553,7 +520,7 @@ fn rigid_motion_apart(reference: &[Vector3<f64>], positions: &[Vector3<f64>]) ->
     positions.iter().map(|x| to + turn * (x - centre)).collect()
 }
 
-/// A configuration and its step or tolerance in words.
+/// A configuration and its step or tolerance, for people.
 fn describe(configuration: &Configuration, control: StepControl) -> String {
     let name = configuration.method.name();
     match control {

@@ -1,9 +1,9 @@
 //! One run of one configuration, measured.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::integrate::{
-    AdaptiveOptions, Equations, ImplicitOptions, Method, OutputTimes, RunFailure, Schedule, Statistics, Status,
-    TimeStepper, run, run_adaptive,
+    AdaptiveOptions, AdaptiveStepper, Equations, ImplicitOptions, Method, OutputTimes, RunFailure, Schedule,
+    Statistics, Status, TimeStepper, run, run_adaptive,
 };
 use crate::linear::FactorSize;
 use crate::spring::Stiffness;
@@ -12,7 +12,7 @@ use serde::Serialize;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-/// A way to simulate: everything but the step size.
+/// Everything about a run but the step size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Configuration {
     /// The method.
@@ -50,9 +50,9 @@ pub enum StepControl {
 /// A run and its end.
 #[derive(Debug, Clone)]
 pub struct Trial {
-    /// How it ended.
+    /// The status at the end.
     pub status: Status,
-    /// What broke it, if anything did.
+    /// The failure that ended it, if any.
     pub failure: Option<RunFailure>,
     /// The linear solver really used; `none` for a method without matrices.
     pub solver: &'static str,
@@ -68,7 +68,7 @@ pub struct Trial {
     pub wall: Duration,
 }
 
-/// Runs a configuration for `duration` seconds from a state, as long as `go_on` says so; after that the status is
+/// Runs a configuration for `duration` seconds from a state; where `go_on` returns `false` the status is
 /// [`Interrupted`](Status::Interrupted).
 ///
 /// # Errors
@@ -112,9 +112,7 @@ pub fn trial(
             (outcome, stepper)
         }
         StepControl::Adaptive { rtol, first_step } => {
-            let mut stepper = method.adaptive_stepper(system, start, options)?.ok_or_else(|| {
-                crate::Error::Unsupported(format!("{} has no error estimate for adaptive steps", method.name()))
-            })?;
+            let mut stepper = adaptive_stepper(*method, system, start, options)?;
             let how = AdaptiveOptions { duration, rtol, first_step, sampling: OutputTimes::Steps, part_of: None };
             (run_adaptive(stepper.as_mut(), system, &mut state, &how, observe), stepper)
         }
@@ -128,5 +126,22 @@ pub fn trial(
         state,
         statistics: *stepper.statistics(),
         wall: clock.elapsed(),
+    })
+}
+
+/// A stepper of a method that estimates errors.
+///
+/// # Errors
+/// Coincident ends of a spring; a matrix that is too large; a method without an error estimate.
+pub(crate) fn adaptive_stepper<'s>(
+    method: Method,
+    system: &'s System,
+    state: &State,
+    options: &ImplicitOptions,
+) -> Result<Box<dyn AdaptiveStepper + Send + 's>> {
+    method.adaptive_stepper(system, state, options)?.ok_or_else(|| {
+        let methods = Method::ALL.into_iter().filter(|method| method.estimates_errors());
+        let others = methods.map(Method::name).collect::<Vec<_>>().join(", ");
+        Error::Unsupported(format!("rtol needs an error estimate, and {} has none: use {others}", method.name()))
     })
 }

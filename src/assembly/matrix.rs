@@ -30,7 +30,7 @@ use std::sync::Arc;
 #[derive(Debug, Clone)]
 pub struct SymmetricMatrix {
     pattern: Arc<BlockPattern>,
-    values: Vec<f64>,
+    pub(super) values: Vec<f64>,
 }
 
 impl SymmetricMatrix {
@@ -53,11 +53,6 @@ impl SymmetricMatrix {
     /// The stored values, by columns.
     pub fn values(&self) -> &[f64] {
         &self.values
-    }
-
-    /// The stored values, by columns.
-    pub(super) fn values_mut(&mut self) -> &mut [f64] {
-        &mut self.values
     }
 
     /// Sets all values to zero.

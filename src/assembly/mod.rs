@@ -12,16 +12,13 @@
 //!
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `matrices`.
 
-mod fill;
 mod matrix;
 mod pattern;
-mod spring_pattern;
 mod system_matrix;
 pub mod triplets;
 mod whole;
 
 pub use matrix::SymmetricMatrix;
 pub use pattern::{BlockPattern, BlockSlot};
-pub use spring_pattern::SpringPattern;
-pub use system_matrix::{SystemMatrix, assemble_afresh};
+pub use system_matrix::{SpringPattern, SystemMatrix, assemble_afresh};
 pub use whole::{WholeColumns, WholePattern};

@@ -1,15 +1,16 @@
-//! The sparsity pattern of a symmetric matrix of particle blocks, and where each block lies in it.
+//! The sparsity pattern of a symmetric matrix of particle blocks, and the slots of its blocks.
 //!
 //! Rows are numbered by particle, then axis. In the columns of particle j the lower triangle holds first the diagonal
 //! block's part, then the blocks of the coupled particles i > j in ascending order. Block (i, j) therefore starts at the
 //! same distance behind the diagonal part in each of j's columns: this one number is its slot.
 
 use crate::error::{Invalid, Result};
+use crate::operator::group;
 use crate::system::DofMap;
 use faer::sparse::{SymbolicSparseColMat, SymbolicSparseColMatRef};
 use std::ops::Range;
 
-/// Where the block of a pair of particles lies in the values of a [`SymmetricMatrix`](super::SymmetricMatrix).
+/// The position of a pair's block in the values of a [`SymmetricMatrix`](super::SymmetricMatrix).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BlockSlot {
     pub(super) row: u32,
@@ -76,22 +77,10 @@ impl BlockPattern {
 
     /// The slot of block (i, j); `None` when the pair is not in the pattern.
     pub fn slot(&self, i: usize, j: usize) -> Option<BlockSlot> {
-        let at = self.block_below(i, j)?;
-        let (row, column) = (i.max(j) as u32, i.min(j) as u32);
-        Some(BlockSlot { row, column, offset: self.neighbours.get(at)?.1, transposed: i < j })
-    }
-
-    /// The number of block (i, j) among the blocks below the diagonal; `None` when the pair is not in the pattern.
-    pub(super) fn block_below(&self, i: usize, j: usize) -> Option<usize> {
         let (row, column) = (i.max(j) as u32, i.min(j));
-        let start = *self.starts.get(column)? as usize;
-        let below = self.neighbours.get(start..*self.starts.get(column + 1)? as usize)?;
-        Some(start + below.binary_search_by_key(&row, |&(particle, _)| particle).ok()?)
-    }
-
-    /// Number of blocks below the diagonal.
-    pub(super) fn blocks_below(&self) -> usize {
-        self.neighbours.len()
+        let above = self.neighbours.get(*self.starts.get(column)? as usize..*self.starts.get(column + 1)? as usize)?;
+        let (_, offset) = above[above.binary_search_by_key(&row, |&(particle, _)| particle).ok()?];
+        Some(BlockSlot { row, column: column as u32, offset, transposed: i < j })
     }
 
     /// The particles of higher number that a particle is coupled to, ascending.
@@ -99,8 +88,8 @@ impl BlockPattern {
         self.blocks_above(particle).iter().map(|&(neighbour, _)| neighbour as usize)
     }
 
-    /// The same particles with the distances of their blocks behind the diagonal part of each column.
-    pub(super) fn blocks_above(&self, particle: usize) -> &[(u32, u32)] {
+    /// These particles with the offsets of their blocks.
+    fn blocks_above(&self, particle: usize) -> &[(u32, u32)] {
         &self.neighbours[self.starts[particle] as usize..self.starts[particle + 1] as usize]
     }
 
@@ -110,7 +99,7 @@ impl BlockPattern {
         self.symbolic.col_ptr()[self.dofs.first_row(particle)] as usize
     }
 
-    /// The first of some particles before which, from the first of them on, there are so many values.
+    /// The first of some particles with at least `values` values before it, from the first of them on.
     pub(super) fn particle_with(&self, particles: Range<usize>, values: usize) -> usize {
         let wanted = self.values_before(particles.start) + values;
         let (mut low, mut high) = (particles.start, particles.end);
@@ -132,27 +121,14 @@ impl BlockPattern {
 
 /// For every particle the coupled particles above it, ascending and without repeats; offsets still zero.
 fn adjacency_below(particles: usize, pairs: impl Iterator<Item = [usize; 2]> + Clone) -> (Vec<u32>, Vec<(u32, u32)>) {
-    let mut counts = vec![0usize; particles + 1];
-    for [i, j] in pairs.clone() {
-        counts[i.min(j) + 1] += 1;
-    }
-    for p in 0..particles {
-        counts[p + 1] += counts[p];
-    }
-    let mut filled = counts.clone();
-    let mut above = vec![0u32; counts[particles]];
-    for [i, j] in pairs {
-        let at = &mut filled[i.min(j)];
-        above[*at] = i.max(j) as u32;
-        *at += 1;
-    }
+    let (counts, mut above) = group(particles, || pairs.clone().map(|[i, j]| (i.min(j), i.max(j) as u32)));
     let mut starts = Vec::with_capacity(particles + 1);
     let mut neighbours: Vec<(u32, u32)> = Vec::with_capacity(above.len());
     starts.push(0);
     for p in 0..particles {
-        let mine = &mut above[counts[p]..counts[p + 1]];
-        mine.sort_unstable();
-        neighbours.extend(mine.chunk_by(|a, b| a == b).map(|repeats| (repeats[0], 0)));
+        let own = &mut above[counts[p]..counts[p + 1]];
+        own.sort_unstable();
+        neighbours.extend(own.chunk_by(|a, b| a == b).map(|repeats| (repeats[0], 0)));
         starts.push(neighbours.len() as u32);
     }
     (starts, neighbours)
@@ -201,8 +177,7 @@ mod tests {
     use super::{BlockPattern, set_offsets};
     use crate::{Constraint, Motion, SystemBuilder, system::Axes};
 
-    /// The count refuses systems that are too large before anything of their size is stored: too low it would let indices
-    /// overflow, and no test can afford such a system.
+    /// The count rejects systems that are too large before anything of their size is stored.
     #[test]
     fn entries_are_counted_as_they_are_stored() {
         let mut builder = SystemBuilder::new();
@@ -221,7 +196,6 @@ mod tests {
         }
     }
 
-    /// Coupled particles of higher number, each once, ascending, however the pairs are given.
     #[test]
     fn neighbours_above_are_ascending_and_without_repeats() {
         let pairs = [[3, 1], [1, 2], [4, 1], [1, 3], [0, 4], [4, 2]];

@@ -1,14 +1,95 @@
-//! A system's M, G, K and A as assembled matrices.
+//! A system's M, G, K and A as assembled matrices: their pattern, the slot map, and the refill.
+//!
+//! The columns of a particle are contiguous values, to which every spring that ends in it adds. So each particle gathers
+//! from its own springs, in their order: no two particles write to one place, and every entry adds up in one order for any
+//! number of threads, at the price of computing each 3×3 block twice.
 
-use super::SymmetricMatrix;
-use super::fill::Filling;
-use super::spring_pattern::SpringPattern;
-use super::triplets::{BlockTriplet, assemble};
+use super::triplets::{BlockTriplet, MatrixEntry, assemble};
+use super::{BlockPattern, SymmetricMatrix};
 use crate::error::Result;
 use crate::memory;
-use crate::operator::SystemOperator;
+use crate::operator::{SystemOperator, group};
+use crate::parallel::{parts, share};
+use crate::system::System;
 use nalgebra::Matrix3;
+use std::ops::Range;
 use std::sync::Arc;
+
+/// A spring seen from one of its ends.
+#[derive(Debug, Clone, Copy, Default)]
+struct Incidence {
+    /// Its position among the active springs.
+    spring: u32,
+    /// The values between the diagonal part of this end's columns and the block, or [`Incidence::ROW`].
+    offset: u32,
+}
+
+impl Incidence {
+    /// This end has the rows of the block, not its columns.
+    const ROW: u32 = u32::MAX;
+}
+
+/// The pattern of a system's matrices and the slot map: for every particle its springs and the offsets of their blocks.
+#[derive(Debug, Clone)]
+pub struct SpringPattern {
+    pattern: Arc<BlockPattern>,
+    /// The springs of particle p are `incidences[starts[p]..starts[p + 1]]`, ascending.
+    starts: Vec<usize>,
+    incidences: Vec<Incidence>,
+}
+
+impl SpringPattern {
+    /// The pattern of A and K: every active spring.
+    ///
+    /// # Errors
+    /// More entries than 32-bit indices can count.
+    pub fn of_stiffness(system: &System) -> Result<Self> {
+        Self::of(system, |_| true)
+    }
+
+    /// The pattern of G: damped springs only.
+    ///
+    /// # Errors
+    /// More entries than 32-bit indices can count.
+    pub fn of_damping(system: &System) -> Result<Self> {
+        Self::of(system, |damping| damping > 0.0)
+    }
+
+    fn of(system: &System, enters: impl Fn(f64) -> bool + Copy) -> Result<Self> {
+        // Bytes that the pattern and its construction take at most, by lowering the limit on memory until a run failed.
+        let bytes = 128 * (system.active_springs().len() + system.particles()) as u64;
+        memory::ensure(bytes, "the pattern of the matrix")?;
+        let chosen = (0u32..).zip(system.active()).filter(|(_, (_, _, spring))| enters(spring.damping));
+        let (positions, pairs): (Vec<u32>, Vec<[usize; 2]>) = chosen.map(|(at, (_, pair, _))| (at, pair)).unzip();
+        let pattern = BlockPattern::new(system.dofs(), pairs.iter().copied())?;
+        let both_ends = |(&spring, &[i, j]): (&u32, &[usize; 2])| {
+            [(i.min(j), Incidence { spring, offset: 0 }), (i.max(j), Incidence { spring, offset: Incidence::ROW })]
+        };
+        let ends = || positions.iter().zip(&pairs).flat_map(both_ends);
+        let (starts, mut incidences) = group(system.particles(), ends);
+        for incidence in incidences.iter_mut().filter(|incidence| incidence.offset != Incidence::ROW) {
+            let [i, j] = system.pair(system.active_springs()[incidence.spring as usize] as usize);
+            incidence.offset = pattern.slot(i, j).map_or(Incidence::ROW, |slot| slot.offset);
+        }
+        Ok(Self { pattern: Arc::new(pattern), starts, incidences })
+    }
+
+    /// The springs of a particle.
+    #[inline]
+    fn incidences(&self, particle: usize) -> &[Incidence] {
+        &self.incidences[self.starts[particle]..self.starts[particle + 1]]
+    }
+
+    /// The positions of a particle's springs among the active ones, ascending.
+    pub(crate) fn springs_at(&self, particle: usize) -> impl Iterator<Item = usize> + '_ {
+        self.incidences(particle).iter().map(|incidence| incidence.spring as usize)
+    }
+
+    /// The pattern of the entries.
+    pub fn pattern(&self) -> &BlockPattern {
+        &self.pattern
+    }
+}
 
 /// A system's matrix with the slot map that refills it.
 ///
@@ -27,7 +108,7 @@ use std::sync::Arc;
 /// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
 /// # builder.hold(0);
 /// let (system, state) = builder.build()?;
-/// // Once: the pattern, and where every spring's block goes.
+/// // Once: the pattern, and the slots of all blocks.
 /// let mut matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(&system)?));
 /// // As often as the values change: no search, no sort, no allocation.
 /// let extensions = SpringGeometry::at(&system, &state.positions)?;
@@ -47,11 +128,11 @@ pub struct SystemMatrix {
 impl SystemMatrix {
     /// The zero matrix on a pattern.
     pub fn zeros(springs: Arc<SpringPattern>) -> Self {
-        let matrix = SymmetricMatrix::zeros(springs.shared_pattern());
+        let matrix = SymmetricMatrix::zeros(springs.pattern.clone());
         Self { springs, matrix }
     }
 
-    /// As [`zeros`](Self::zeros), if there is room for it.
+    /// As [`zeros`](Self::zeros), if there is memory for it.
     ///
     /// # Errors
     /// [`Error::TooLarge`](crate::Error::TooLarge).
@@ -70,7 +151,7 @@ impl SystemMatrix {
     /// Recomputes all values from the operator's blocks, without sorting, searching or allocating; in parallel, with the
     /// same bits for any number of threads.
     pub fn refill(&mut self, operator: &SystemOperator) {
-        Filling { springs: &self.springs, operator }.fill_all(self.matrix.values_mut());
+        Filling { springs: &self.springs, operator }.fill_all(&mut self.matrix.values);
     }
 
     /// The matrix.
@@ -78,16 +159,15 @@ impl SystemMatrix {
         &self.matrix
     }
 
-    /// Takes the matrix out.
+    /// The matrix, by value.
     pub fn into_matrix(self) -> SymmetricMatrix {
         self.matrix
     }
 }
 
-/// Assembles an operator afresh, by the simple path: all block triplets, sorted and added up.
-///
-/// Slow and obvious; [`SystemMatrix::refill`] is held to it bit by bit.
-pub fn assemble_afresh(operator: &SystemOperator) -> Vec<super::triplets::MatrixEntry> {
+/// Assembles an operator from all block triplets, sorted and added up: slow and simple, and the reference for
+/// [`SystemMatrix::refill`], to the bit.
+pub fn assemble_afresh(operator: &SystemOperator) -> Vec<MatrixEntry> {
     let system = operator.system();
     let mass = |p| BlockTriplet {
         row: p,
@@ -107,18 +187,109 @@ pub fn assemble_afresh(operator: &SystemOperator) -> Vec<super::triplets::Matrix
     assemble(system.dofs(), &triplets)
 }
 
+/// Least values for a thread: some ten microseconds of work.
+const GRAIN: usize = 16_384;
+
+/// The input of a refill.
+#[derive(Clone, Copy)]
+struct Filling<'a> {
+    springs: &'a SpringPattern,
+    operator: &'a SystemOperator<'a>,
+}
+
+impl Filling<'_> {
+    fn fill_all(&self, values: &mut [f64]) {
+        self.fill_parts(0..self.operator.system().particles(), parts(values.len(), GRAIN), values);
+    }
+
+    fn fill_parts(&self, particles: Range<usize>, parts: usize, values: &mut [f64]) {
+        if parts <= 1 {
+            return self.fill(particles, values);
+        }
+        let pattern = self.springs.pattern();
+        let middle = middle(pattern, &particles, parts);
+        let (left, right) = values.split_at_mut(pattern.values_before(middle) - pattern.values_before(particles.start));
+        rayon::join(
+            || self.fill_parts(particles.start..middle, parts / 2, left),
+            || self.fill_parts(middle..particles.end, parts - parts / 2, right),
+        );
+    }
+
+    /// Overwrites the columns of some particles, which are `values`.
+    fn fill(&self, particles: Range<usize>, values: &mut [f64]) {
+        let pattern = self.springs.pattern();
+        let mut rest = values;
+        for particle in particles {
+            let (own, others) =
+                rest.split_at_mut(pattern.values_before(particle + 1) - pattern.values_before(particle));
+            self.fill_particle(particle, own);
+            self.add_external(particle, own);
+            rest = others;
+        }
+    }
+
+    /// Adds the derivatives of external forces to the diagonal block.
+    fn add_external(&self, particle: usize, own: &mut [f64]) {
+        let Some(block) = self.operator.external().get(particle) else { return };
+        let (pattern, free) = (self.springs.pattern(), self.operator.system().dofs().free_axes(particle));
+        for (column, c) in free.iter().enumerate() {
+            let start = pattern.column(particle, column).start - pattern.values_before(particle);
+            for (value, r) in own[start..].iter_mut().zip(free.iter().skip(column)) {
+                *value += block[(r, c)];
+            }
+        }
+    }
+
+    /// Overwrites the columns of a particle.
+    fn fill_particle(&self, particle: usize, own: &mut [f64]) {
+        let system = self.operator.system();
+        let (pattern, free) = (self.springs.pattern(), system.dofs().free_axes(particle));
+        let columns = free.count();
+        let mass = self.operator.mass_factor() * system.masses()[particle];
+        own.fill(0.0);
+        let mut diagonal = Matrix3::from_diagonal_element(0.0 + mass);
+        let start = |column: usize| pattern.column(particle, column).start - pattern.values_before(particle);
+        for &Incidence { spring, offset } in self.springs.incidences(particle) {
+            let block = self.operator.blocks()[spring as usize].matrix();
+            diagonal += block;
+            if offset == Incidence::ROW {
+                continue;
+            }
+            let [i, j] = system.pair(system.active_springs()[spring as usize] as usize);
+            let row_axes = system.dofs().free_axes(i.max(j));
+            for (column, c) in free.iter().enumerate() {
+                let values = &mut own[start(column) + columns - column + offset as usize..];
+                for (value, r) in values.iter_mut().zip(row_axes.iter()) {
+                    *value -= block[(r, c)];
+                }
+            }
+        }
+        for (column, c) in free.iter().enumerate() {
+            for (value, r) in own[start(column)..].iter_mut().zip(free.iter().skip(column)) {
+                *value = diagonal[(r, c)];
+            }
+        }
+    }
+}
+
+/// The cut of some particles that gives each of so many parts as many values.
+fn middle(pattern: &BlockPattern, particles: &Range<usize>, parts: usize) -> usize {
+    let values = pattern.values_before(particles.end) - pattern.values_before(particles.start);
+    pattern.particle_with(particles.clone(), share(values, parts / 2, parts))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{SpringPattern, SystemMatrix, assemble_afresh};
+    use super::*;
     use crate::force::SpringGeometry;
-    use crate::operator::{BlockDiagonal, Combination, LinearOperator, SystemOperator};
+    use crate::memory::watch::asked;
+    use crate::operator::{BlockDiagonal, Combination, LinearOperator};
     use crate::spring::{Spring, Stiffness};
-    use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
-    use nalgebra::{Matrix3, Vector3};
-    use std::sync::Arc;
+    use crate::system::{Axes, Constraint, Motion, State, SystemBuilder};
+    use nalgebra::Vector3;
 
-    /// A crooked chain, long enough to be filled in pieces, with springs to the next and the third particle, some of them twice, in
-    /// either direction, some damped; here and there a particle is held, or on rails.
+    /// A crooked chain, long enough for several threads, with springs to the next and the third particle, some repeated, some
+    /// damped; some particles are held, or held along some axes.
     fn chain(dimension: usize) -> (System, State) {
         const PARTICLES: usize = 2500;
         let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
@@ -156,9 +327,6 @@ mod tests {
             let lower = triplets.iter().filter(|entry| entry.row >= entry.column);
             let expected: Vec<_> = lower.map(|entry| (entry.row, entry.column, entry.value)).collect();
             assert!(matrix.matrix().iter().eq(expected), "{dimension}");
-            let (whole, csc) = (matrix.matrix().whole_columns().unwrap(), matrix.matrix().to_csc());
-            assert!(whole.rows.iter().map(|&row| row as usize).eq(csc.row_indices().iter().copied()), "{dimension}");
-            assert_eq!(whole.values, csc.values());
             // Products, of the matrix and of the operator.
             let order = system.dofs().len();
             let w: Vec<f64> = (0..order).map(|row| ((row * 7) % 11) as f64 - 5.0).collect();
@@ -232,5 +400,71 @@ mod tests {
         let difference = found.iter().zip(&expected).map(|(b, coupled)| (b - 1.0 + coupled).abs()).fold(0.0, f64::max);
         assert!(difference < 1e-10, "{difference:e}");
         assert!(expected.iter().any(|entry| entry.abs() > 1.0));
+    }
+
+    /// Six particles in a ring: every one has two springs.
+    fn ring() -> SystemBuilder {
+        let mut builder = SystemBuilder::new();
+        for p in 0..6 {
+            builder.particle([f64::from(p), f64::from(p * p), 0.0], 1.0);
+        }
+        for p in 0..6 {
+            builder.spring(p, (p + 1) % 6, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        }
+        builder
+    }
+
+    /// What is asked for covers what is held: 128 bytes for each of six springs and six particles.
+    #[test]
+    fn memory_is_asked_for_every_spring_and_particle() {
+        let (system, _) = ring().build().unwrap();
+        let (pattern, bytes) = asked("the pattern of the matrix", || SpringPattern::of_stiffness(&system).unwrap());
+        assert_eq!(bytes, 128 * 12);
+        let held = size_of_val(&pattern.incidences[..]) + size_of_val(&pattern.starts[..]);
+        assert!(held < bytes as usize, "{held}");
+    }
+
+    /// Both ends know the spring; a block has its place in the columns of the particle with the lower number.
+    #[test]
+    fn both_ends_know_a_spring() {
+        let (system, _) = ring().build().unwrap();
+        let pattern = SpringPattern::of_stiffness(&system).unwrap();
+        assert!(pattern.springs_at(3).eq([2, 3]) && pattern.springs_at(0).eq([0, 5]));
+        let offsets = |particle: usize| -> Vec<_> {
+            pattern
+                .incidences(particle)
+                .iter()
+                .map(|incidence| Some(incidence.offset).filter(|&offset| offset != Incidence::ROW))
+                .collect()
+        };
+        assert_eq!([offsets(0), offsets(3), offsets(5)], [[Some(0), Some(3)], [None, Some(0)], [None, None]]);
+    }
+
+    /// Values that one to sixteen threads write, counted as they are cut: none has more than a tenth above the mean.
+    #[cfg(feature = "scene")]
+    #[test]
+    fn threads_fill_as_many_values_each() {
+        use crate::scene::builtin::{cloth, lattice, network};
+        for scene in [cloth(60), lattice(14), network(3000, 3)] {
+            let (system, _) = scene.unwrap().build().unwrap();
+            let springs = SpringPattern::of_stiffness(&system).unwrap();
+            let pattern = springs.pattern();
+            for threads in 1..=16 {
+                let mut ranges = vec![(0..system.particles(), threads)];
+                let mut counts = Vec::new();
+                while let Some((particles, parts)) = ranges.pop() {
+                    let values = pattern.values_before(particles.end) - pattern.values_before(particles.start);
+                    if parts == 1 {
+                        counts.push(values);
+                        continue;
+                    }
+                    let middle = middle(pattern, &particles, parts);
+                    ranges.extend([(particles.start..middle, parts / 2), (middle..particles.end, parts - parts / 2)]);
+                }
+                let mean = pattern.entries() as f64 / threads as f64;
+                let most = counts.iter().copied().max().unwrap_or(0) as f64;
+                assert!(counts.len() == threads && most <= 1.1 * mean, "{threads}: {most} {mean}");
+            }
+        }
     }
 }

@@ -1,9 +1,12 @@
-//! Runs by configuration, and which of them led somewhere.
+//! Runs by configuration, and which of them advice can rest on: those from which on everything finer is better.
+//!
+//! A run of long steps may end near the right place by chance, and the run of steps half as long, to which one turns when in
+//! doubt, may explode. So a run counts only as part of its configuration's *tail*: the runs from the shortest steps up, as long as
+//! every one succeeded and erred more than all that are shorter. Errors near that of the reference say nothing about each
+//! other: below a *floor* they need not fall. A tail of one run is none, as nothing confirms it.
 
-use super::Run;
-
-/// An error above this is no result: the run counts as failed.
-pub const LARGEST_ERROR: f64 = 1.0;
+use super::reference::ABOVE_THE_FLOOR;
+use super::{Run, WorkPrecision};
 
 /// Runs of one configuration from long steps to short ones.
 #[derive(Debug, Clone)]
@@ -18,31 +21,14 @@ pub struct Curve<'a> {
     pub runs: Vec<&'a Run>,
 }
 
-impl Run {
-    /// The error of a run that led somewhere: completed, and off by less than [`LARGEST_ERROR`].
-    pub fn useful_error(&self) -> Option<f64> {
-        self.error.filter(|error| *error < LARGEST_ERROR)
-    }
-
-    /// Why a run has no useful error, in a word or two.
-    pub fn cause(&self) -> Option<String> {
-        match self.error {
-            _ if self.useful_error().is_some() => None,
-            Some(_) => Some("error above 100 %".into()),
-            None => Some(self.status.name().replace('-', " ")),
-        }
-    }
-}
-
-/// What follows the name of a method whose steps adapt.
+/// The suffix of the name of a method whose steps adapt.
 pub(super) const ADAPTIVE: &str = ", adaptive";
 
 /// The sweep's runs by configuration, in the sweep's order.
 pub fn curves(runs: &[Run]) -> Vec<Curve<'_>> {
     let mut curves: Vec<Curve<'_>> = Vec::new();
     for run in runs {
-        let method = if run.rtol.is_some() { format!("{}{ADAPTIVE}", run.method) } else { run.method.to_owned() };
-        // A run that failed before it solved anything does not know its solver better than the others of its curve.
+        let method = run.variant();
         let same = |c: &&mut Curve<'_>| c.method == method && c.stiffness == run.stiffness && c.solver == run.solver;
         match curves.iter_mut().find(same) {
             Some(curve) => curve.runs.push(run),
@@ -50,4 +36,58 @@ pub fn curves(runs: &[Run]) -> Vec<Curve<'_>> {
         }
     }
     curves
+}
+
+/// The tail of a curve, from short steps to long ones; empty where it has none.
+pub fn tail<'a>(curve: &Curve<'a>, floor: f64) -> Vec<&'a Run> {
+    let mut runs = curve.runs.clone();
+    // Shorter steps, or smaller tolerances, first.
+    runs.sort_by(|a, b| a.rtol.unwrap_or(a.dt).total_cmp(&b.rtol.unwrap_or(b.dt)));
+    let mut worst = 0.0;
+    let mut tail = Vec::new();
+    for run in runs {
+        let Some(error) = run.useful_error() else { break };
+        if error <= worst && (error > floor || worst > floor) {
+            break;
+        }
+        worst = error.max(worst);
+        tail.push(run);
+    }
+    if tail.len() < 2 { Vec::new() } else { tail }
+}
+
+/// The configuration of each method that costs least, judged by its tail; errors below `floor` are not told apart.
+pub fn best_of_each(runs: &[Run], floor: f64) -> Vec<Curve<'_>> {
+    let mut best: Vec<Curve<'_>> = Vec::new();
+    for curve in curves(runs) {
+        match best.iter_mut().find(|other| other.method == curve.method) {
+            Some(other) if curve.coefficient(floor) < other.coefficient(floor) => *other = curve,
+            Some(_) => {}
+            None => best.push(curve),
+        }
+    }
+    best
+}
+
+impl Curve<'_> {
+    /// The cost of the configuration, without regard to how far it was taken: the least of `cost · error^(1/2)` over its tail.
+    fn coefficient(&self, floor: f64) -> f64 {
+        let of_run = |run: &Run| run.useful_error().map(|error| run.cost * error.max(1e-15).sqrt());
+        tail(self, floor).into_iter().filter_map(of_run).fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl WorkPrecision {
+    /// The error below which runs cannot be told apart.
+    pub fn floor(&self) -> f64 {
+        ABOVE_THE_FLOOR * self.reference.error_estimate
+    }
+
+    /// The runs of all tails, without the excluded ones.
+    pub fn sound_runs(&self) -> Vec<&Run> {
+        let is_excluded =
+            |run: &Run| self.excluded.iter().any(|&at| self.runs.get(at).is_some_and(|r| std::ptr::eq(r, run)));
+        let curves = curves(&self.runs);
+        curves.iter().flat_map(|curve| tail(curve, self.floor())).filter(|run| !is_excluded(run)).collect()
+    }
 }

@@ -1,18 +1,15 @@
-//! The chart in words: what to use for how much accuracy.
+//! The chart in words: the configuration to use for an accuracy.
 //!
-//! Only runs of a [tail](super::monotone_range()) are recommended, so that no advice is contradicted by a finer run of the same table.
+//! Only runs of a [tail] are recommended, so that no advice is contradicted by a finer run of the same table.
 
-use super::curve::{Curve, curves};
-use super::digits::short;
-use super::figures::best_of_each;
-use super::monotone_range::tail;
+use super::curve::{best_of_each, curves, tail};
 use super::{Run, WorkPrecision};
 use crate::integrate::percent;
 
 /// The largest error for which a run is recommended.
 const LEAST_ACCURACY: f64 = 0.1;
 
-/// What to use for an accuracy.
+/// The best runs of an accuracy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decision<'a> {
     /// The largest error that is allowed.
@@ -23,7 +20,7 @@ pub struct Decision<'a> {
     pub fastest: Option<&'a Run>,
     /// The cheapest of linearised backward Euler, the method of the lecture notes.
     pub notes: Option<&'a Run>,
-    /// Of each method that gets there the cheapest, the least work first: its best stiffness option, solver and step.
+    /// The cheapest run of each method that is accurate enough, the least work first.
     pub methods: Vec<&'a Run>,
 }
 
@@ -45,7 +42,7 @@ impl WorkPrecision {
         enough.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         let mut methods: Vec<&Run> = Vec::new();
         for run in &enough {
-            if methods.iter().all(|other| other.way() != run.way()) {
+            if methods.iter().all(|other| other.variant() != run.variant()) {
                 methods.push(run);
             }
         }
@@ -58,18 +55,18 @@ impl WorkPrecision {
         }
     }
 
-    /// What the sweep says, in one sentence each.
+    /// The conclusions of the sweep, in one sentence each.
     pub fn conclusions(&self) -> Vec<String> {
         let mut all = self.recommendations();
         all.extend(self.best_options());
-        let ways: Vec<_> = self.reaches().into_iter().map(|(name, reach)| format!("{name} {reach}")).collect();
-        if !ways.is_empty() {
-            all.push(format!("Steps from which on every shorter one did better: {}.", ways.join("; ")));
+        let limits: Vec<_> = self.longest_steps().into_iter().map(|(name, limit)| format!("{name} {limit}")).collect();
+        if !limits.is_empty() {
+            all.push(format!("Steps from which on every shorter one did better: {}.", limits.join("; ")));
         }
         all
     }
 
-    /// What to use for each accuracy, in one sentence each.
+    /// The configuration to use for each accuracy, in one sentence each.
     pub fn recommendations(&self) -> Vec<String> {
         let mut all: Vec<String> = self.decisions().iter().filter_map(Decision::sentence).collect();
         if all.is_empty() {
@@ -115,9 +112,19 @@ impl WorkPrecision {
             .into()
     }
 
-    /// The best configuration of each method, and up to which steps it can be relied on.
-    pub fn reaches(&self) -> Vec<(String, String)> {
-        best_of_each(&self.runs, self.floor()).iter().map(|curve| self.reach(curve)).collect()
+    /// The best configuration of each method, and the longest steps up to which it can be relied on.
+    pub fn longest_steps(&self) -> Vec<(String, String)> {
+        let all = curves(&self.runs);
+        let limit = |best: super::Curve<'_>| {
+            let mut of_method = all.iter().filter(|curve| curve.method == best.method).flat_map(|curve| &curve.runs);
+            let limit = match tail(&best, self.floor()).last() {
+                Some(run) => format!("up to {}", run.step_control()),
+                None if of_method.any(|run| run.useful_error().is_some()) => "nowhere".into(),
+                None => "nowhere, no run succeeded".into(),
+            };
+            (name(&best.method, best.stiffness, best.solver), limit)
+        };
+        best_of_each(&self.runs, self.floor()).into_iter().map(limit).collect()
     }
 
     /// The best option of each method for an error below 1 %, or what can be had nearest to it.
@@ -125,44 +132,11 @@ impl WorkPrecision {
         let decisions = self.decisions();
         let decision = decisions.get(1).or(decisions.first())?;
         let each = decision.methods.iter().map(|run| {
-            format!(
-                "{} with {} ({} force evaluations)",
-                name(run.method, run.stiffness, run.solver),
-                run.pace(),
-                short(run.cost)
-            )
+            let name = name(run.method, run.stiffness, run.solver);
+            format!("{name} with {} ({} force evaluations)", run.step_control(), short(run.cost))
         });
         let percent = short(100.0 * decision.accuracy);
         Some(format!("The best option of each method below {percent} %: {}.", each.collect::<Vec<_>>().join("; ")))
-    }
-
-    /// How far a configuration can be relied on.
-    fn reach(&self, best: &Curve<'_>) -> (String, String) {
-        let name = name(&best.method, best.stiffness, best.solver);
-        match tail(best, self.floor()).last() {
-            Some(run) => (name, format!("up to {}", run.pace())),
-            None => {
-                let all = curves(&self.runs);
-                let elsewhere = all.iter().filter(|curve| curve.method == best.method);
-                let useful = elsewhere.flat_map(|curve| &curve.runs).any(|run| run.useful_error().is_some());
-                (name, if useful { "nowhere" } else { "nowhere, no run succeeded" }.into())
-            }
-        }
-    }
-}
-
-impl Run {
-    /// The method, and whether its steps adapt: what a person chooses first.
-    pub fn way(&self) -> (&'static str, bool) {
-        (self.method, self.rtol.is_some())
-    }
-
-    /// Its steps, in words.
-    pub fn pace(&self) -> String {
-        match self.rtol {
-            Some(rtol) => format!("adaptive steps, rtol = {}", short(rtol)),
-            None => format!("dt = {} s", short(self.dt)),
-        }
     }
 }
 
@@ -187,7 +161,7 @@ impl Decision<'_> {
         Some(format!(
             "For an error below {percent} %: {} with {} ({work} force evaluations, {milliseconds} ms){against}.",
             name(run.method, run.stiffness, run.solver),
-            run.pace()
+            run.step_control()
         ))
     }
 }
@@ -199,4 +173,15 @@ pub(super) fn name(method: &str, stiffness: &str, solver: &str) -> String {
         (stiffness, "llt") => format!("{method} ({stiffness})"),
         (stiffness, solver) => format!("{method} ({stiffness}, {solver})"),
     }
+}
+
+/// A number in three digits.
+pub(super) fn short(value: f64) -> String {
+    let size = value.abs();
+    if size != 0.0 && !(1e-3..1e7).contains(&size) {
+        return format!("{value:.1e}");
+    }
+    let digits = (2.0 - size.max(1e-300).log10().floor()).clamp(0.0, 12.0) as usize;
+    let text = format!("{value:.digits$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }

@@ -58,16 +58,16 @@ fn set_state(system: &System, t: f64, x: &[f64], v: &[f64], state: &mut State) {
     system.dofs().scatter(v, &mut state.velocities);
 }
 
-/// Keeps the state reached, and ends an integration that would take too long.
-struct SpringVisitor {
+/// Holds the state reached, and ends an integration that would take too long.
+struct StepObserver {
     reached: Vec<f64>,
     span: [f64; 2],
     begin: Instant,
     deadline: Deadline,
 }
 
-impl SpringVisitor {
-    /// Whether the deadline has passed, or will by far at the present pace.
+impl StepObserver {
+    /// True where the deadline has passed, or will by far at the present rate.
     fn is_hopeless(&self, time: f64) -> bool {
         let (elapsed, allowed) = (self.begin.elapsed(), self.deadline.since(self.begin));
         let share = (time - self.span[0]) / (self.span[1] - self.span[0]);
@@ -75,7 +75,7 @@ impl SpringVisitor {
     }
 }
 
-impl SolOut for SpringVisitor {
+impl SolOut for StepObserver {
     fn solout(&mut self, _: f64, t: &mut f64, y: &mut [f64], _: Option<&StepInterpolant<'_>>) -> ControlFlag {
         self.reached.copy_from_slice(y);
         if self.is_hopeless(*t) { ControlFlag::Interrupt } else { ControlFlag::Continue }
@@ -103,26 +103,26 @@ pub fn dop853(
     if n > 0 {
         let absolute = tolerance * extent(&start.positions, &start.positions);
         let span = [start.time, end];
-        let mut watch = SpringVisitor { reached, span, begin: Instant::now(), deadline: deadline.into() };
+        let mut observer = StepObserver { reached, span, begin: Instant::now(), deadline: deadline.into() };
         let mut from = start.time;
         for to in kinks(system, start.time, end) {
-            interval(system, &state, [from, to], [tolerance, absolute], &mut watch)?;
+            interval(system, &state, [from, to], [tolerance, absolute], &mut observer)?;
             from = to;
         }
-        reached = watch.reached;
+        reached = observer.reached;
     }
     let (x, v) = reached.split_at(n);
     set_state(system, end, x, v, &mut state);
     state.is_finite().then_some(state)
 }
 
-/// Integrates what the watch has reached from a time to another.
+/// Integrates the state that the observer holds from a time to another.
 fn interval(
     system: &System,
     state: &State,
     [from, to]: [f64; 2],
     [relative, absolute]: [f64; 2],
-    watch: &mut SpringVisitor,
+    observer: &mut StepObserver,
 ) -> Option<()> {
     let scratch = Scratch {
         state: state.clone(),
@@ -134,8 +134,8 @@ fn interval(
     // No limit of steps, and no search for stiffness: a stiff problem only takes longer, which the deadline bounds.
     let method = DOP853 { max_steps: usize::MAX, stiff_test: usize::MAX, dense_output: false, ..DOP853::default() };
     let [relative, absolute] = [relative, absolute].map(Tolerance::Scalar);
-    let begin = watch.reached.clone();
-    let outcome = method.solve(&motions, from, &begin, to, relative, absolute, Some(watch)).ok()?;
+    let begin = observer.reached.clone();
+    let outcome = method.solve(&motions, from, &begin, to, relative, absolute, Some(observer)).ok()?;
     (outcome.status == Status::Success).then_some(())
 }
 
@@ -156,27 +156,35 @@ fn kinks(system: &System, start: f64, end: f64) -> Vec<f64> {
 mod tests {
     use super::dop853;
     use crate::spring::Spring;
-    use crate::system::{Axes, Constraint, Motion, SystemBuilder};
+    use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
     use nalgebra::Vector3;
     use std::time::{Duration, Instant};
+
+    fn far() -> Instant {
+        Instant::now() + Duration::from_secs(600)
+    }
+
+    /// A damped oscillator on an anchor that moves, with its rate of decay and its frequency.
+    fn oscillator(motion: Motion) -> (System, State, f64, f64) {
+        let (k, l0, m, b) = (50.0, 0.8, 0.7, 1.3);
+        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.0, 0.0, 0.0], m);
+        builder.spring(0, 1, Spring { stiffness: k, rest_length: l0, damping: b });
+        builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
+        let (system, start) = builder.build().unwrap();
+        let (rate, square): (f64, f64) = (b / (2.0 * m), k / (l0 * m));
+        (system, start, rate, (square - rate * rate).sqrt())
+    }
 
     /// A damped oscillator whose anchor moves away: the forces depend on time. With u the length less its rest length,
     /// `m ü + b u̇ + (k/l0) u = 0`, u(0) = 0.2, u̇(0) = −v. The method is right to a hundred tolerances; of low order in time it takes tens of
     /// thousands of steps, which add up to more.
     #[test]
     fn forces_that_depend_on_time_keep_the_order() {
-        let (k, l0, m, b, v, t) = (50.0, 0.8, 0.7, 1.3, 0.4, 2.0f64);
-        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.0, 0.0, 0.0], m);
-        builder.spring(0, 1, Spring { stiffness: k, rest_length: l0, damping: b });
-        let motion = Motion::Velocity(Vector3::new(v, 0.0, 0.0));
-        builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
-        let (system, start) = builder.build().unwrap();
-        let deadline = Instant::now() + Duration::from_secs(600);
-        let end = dop853(&system, &start, t, 1e-9, deadline).unwrap();
-        let (rate, square) = (b / (2.0 * m), k / (l0 * m));
-        let omega = (square - rate * rate).sqrt();
+        let (l0, v, t) = (0.8, 0.4, 2.0f64);
+        let (system, start, rate, omega) = oscillator(Motion::Velocity(Vector3::new(v, 0.0, 0.0)));
+        let end = dop853(&system, &start, t, 1e-9, far()).unwrap();
         let u = (-rate * t).exp() * (0.2 * (omega * t).cos() + (0.2 * rate - v) / omega * (omega * t).sin());
         let error = (end.positions[1].x - (v * t + l0 + u)).abs();
         assert!(error < 1e-7, "{error:e}");
@@ -186,18 +194,10 @@ mod tests {
     /// the oscillator above, which the anchor's change of velocity strikes.
     #[test]
     fn anchors_may_change_their_velocity() {
-        let (k, l0, m, b) = (50.0, 0.8, 0.7, 1.3);
-        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.0, 0.0, 0.0], m);
-        builder.spring(0, 1, Spring { stiffness: k, rest_length: l0, damping: b });
+        let l0 = 0.8;
         let offsets = [0.0, 0.4, -0.8, -0.3].map(|x| Vector3::new(x, 0.0, 0.0)).to_vec();
-        let motion = Motion::Path { times: vec![0.0, 1.0, 3.0, 4.0], offsets };
-        builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
-        let (system, start) = builder.build().unwrap();
-        let end = dop853(&system, &start, 5.0, 1e-9, Instant::now() + Duration::from_secs(600)).unwrap();
-        let (rate, square) = (b / (2.0 * m), k / (l0 * m));
-        let omega = (square - rate * rate).sqrt();
+        let (system, start, rate, omega) = oscillator(Motion::Path { times: vec![0.0, 1.0, 3.0, 4.0], offsets });
+        let end = dop853(&system, &start, 5.0, 1e-9, far()).unwrap();
         let (mut u, mut slope, mut before) = (0.2f64, 0.0f64, 0.0);
         for (t, velocity) in [(1.0f64, 0.4), (2.0, -0.6), (1.0, 0.5), (1.0, 0.0)] {
             slope += before - velocity;
@@ -221,7 +221,7 @@ mod tests {
         builder.spring(0, 1, Spring { stiffness: 1e4, rest_length: 1.0, damping: 1e5 });
         builder.hold(0);
         let (system, start) = builder.build().unwrap();
-        let end = dop853(&system, &start, 12.0, 1e-4, Instant::now() + Duration::from_secs(600)).unwrap();
+        let end = dop853(&system, &start, 12.0, 1e-4, far()).unwrap();
         // The slow rate is κ/b (1 + κ/b²) with κ = k/l0.
         let expected = 1.0 + 0.3 * (-12.0 * 0.1 * (1.0 + 1e-6f64)).exp();
         assert!((end.positions[1].x - expected).abs() < 1e-3, "{} {expected}", end.positions[1].x);
@@ -235,26 +235,22 @@ mod tests {
         let motion = Motion::Velocity(Vector3::new(0.5, 0.0, 0.0));
         builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
         let (system, start) = builder.build().unwrap();
-        let end = dop853(&system, &start, 3.0, 1e-9, Instant::now() + Duration::from_secs(600)).unwrap();
+        let end = dop853(&system, &start, 3.0, 1e-9, far()).unwrap();
         assert_eq!((end.time, end.positions[0].x), (3.0, 1.5));
     }
 
-    /// After 150 s of 1000 s, and after 50 s: less than a tenth of the time says nothing. The pace of the way so far may be half of what it should be.
+    /// Less than a tenth of the time says nothing; after that the rate may be half of what it should be.
     #[test]
     fn runs_that_would_take_too_long_are_hopeless() {
-        use super::SpringVisitor;
+        use super::StepObserver;
         let is_hopeless = |elapsed: u64, allowed: u64, time: f64| {
             let begin = Instant::now().checked_sub(Duration::from_secs(elapsed)).unwrap();
             let deadline = (begin + Duration::from_secs(allowed)).into();
-            SpringVisitor { reached: Vec::new(), span: [2.0, 12.0], begin, deadline }.is_hopeless(time)
+            StepObserver { reached: Vec::new(), span: [2.0, 12.0], begin, deadline }.is_hopeless(time)
         };
         for (elapsed, allowed, time, expected) in [
-            (150, 1000, 2.5, true),
             (150, 1000, 2.7, true),
             (150, 1000, 2.8, false),
-            (150, 1000, 12.0, false),
-            (50, 1000, 2.0, false),
-            (50, 1000, 2.1, false),
             (99, 1000, 2.0, false),
             (1010, 1000, 12.0, true),
             (990, 1000, 12.0, false),

@@ -5,34 +5,27 @@
 
 mod conclusion;
 mod curve;
-mod deadline;
 mod decision;
-mod digits;
 mod dop853;
 mod figures;
-mod monotone_range;
-mod quality;
 mod reference;
-mod sizes;
+mod run;
 pub mod stability;
 mod sweep;
-mod tolerance;
 mod work_precision;
 
-pub use curve::{Curve, LARGEST_ERROR, curves};
-pub use deadline::Deadline;
+pub use curve::{Curve, best_of_each, curves, tail};
 pub use decision::Decision;
 pub use dop853::dop853;
-pub use figures::{Figure, best_of_each};
-pub use monotone_range::tail;
-pub use quality::Quality;
+pub use figures::Figure;
 pub use reference::Reference;
-pub use sizes::SizeRun;
+pub use run::{LARGEST_ERROR, Quality, Run};
 pub use stability::StabilityMap;
-pub use sweep::{Run, configurations};
+pub use sweep::configurations;
 pub use work_precision::{SweepOptions, WorkPrecision};
 
-use std::time::Duration;
+use crate::interrupt::Interrupt;
+use std::time::{Duration, Instant};
 
 /// Hears how far a study is.
 pub trait Progress {
@@ -43,5 +36,59 @@ pub trait Progress {
 impl<F: FnMut(Duration, &str)> Progress for F {
     fn at(&mut self, elapsed: Duration, what: &str) {
         self(elapsed, what);
+    }
+}
+
+/// The time until which something may go on, unless someone asks for an end before.
+#[derive(Debug, Clone, Copy)]
+pub struct Deadline {
+    at: Instant,
+    interrupt: Interrupt,
+}
+
+impl From<Instant> for Deadline {
+    fn from(at: Instant) -> Self {
+        Self { at, interrupt: Interrupt::NEVER }
+    }
+}
+
+impl Deadline {
+    /// So long from now.
+    pub fn after(time: Duration, interrupt: Interrupt) -> Self {
+        Self { at: Instant::now() + time, interrupt }
+    }
+
+    /// True where there is more time than this.
+    pub fn allows(self, time: Duration) -> bool {
+        self.left() > time
+    }
+
+    /// The time that is left.
+    pub fn left(self) -> Duration {
+        self.since(Instant::now())
+    }
+
+    /// The time from `begin` on; none where an end was asked for.
+    pub fn since(self, begin: Instant) -> Duration {
+        if self.interrupt.is_requested() { Duration::ZERO } else { self.at.saturating_duration_since(begin) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Deadline;
+    use crate::interrupt::Interrupt;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::time::{Duration, Instant};
+
+    #[test]
+    fn no_time_is_left_after_the_deadline_or_an_interruption() {
+        static FLAG: AtomicBool = AtomicBool::new(false);
+        let hours = Duration::from_secs(7200);
+        let deadline = Deadline::after(hours, Interrupt::on(&FLAG));
+        assert!(deadline.allows(hours / 2) && !deadline.allows(2 * hours));
+        FLAG.store(true, Ordering::Relaxed);
+        assert!(!deadline.allows(Duration::ZERO) && deadline.since(Instant::now() - hours).is_zero());
+        assert!(!Deadline::from(Instant::now()).allows(Duration::ZERO));
     }
 }

@@ -12,7 +12,7 @@ use std::time::Duration;
 /// A reference solution at the end time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Reference {
-    /// How it was computed, in words.
+    /// The computation, in words.
     pub method: String,
     /// Estimate of its own [relative position error](relative_position_error). No measured error below a few times this has a
     /// meaning.
@@ -22,28 +22,15 @@ pub struct Reference {
     pub state: State,
 }
 
-/// Local tolerances of the library's integrator: the second is the reference, the first tells its error.
-const TOLERANCES: [f64; 2] = [1e-10, 1e-12];
-
 /// Nearer to the reference than this many times its own error nothing is measured.
 pub(super) const ABOVE_THE_FLOOR: f64 = 3.0;
 
 /// Rounding of the positions: no estimate is smaller.
 const ROUNDING: f64 = 1e-15;
 
-/// Whether a ladder has another run, which takes twice as long as the one that ended so.
+/// True where there is time for another run of a ladder, which takes twice as long as the one that ended so.
 fn goes_on(status: Status, wall: Duration, allows: impl Fn(Duration) -> bool) -> bool {
     status != Status::Interrupted && allows(2 * wall)
-}
-
-/// The part of a chart's time that the reference may take.
-pub(super) fn share(budget: Duration) -> Duration {
-    budget / 3
-}
-
-/// The part of that in which the library's integrator must get there.
-fn library(limit: Duration) -> Duration {
-    limit / 2
 }
 
 impl Reference {
@@ -69,20 +56,15 @@ impl Reference {
         limit: Duration,
         interrupt: Interrupt,
     ) -> Result<Option<Self>> {
-        let [of_library, whole] = [library(limit), limit].map(|time| Deadline::after(time, interrupt));
-        match Self::by_library(system, start, duration, of_library) {
-            Some(reference) => Ok(Some(reference)),
-            None => Self::by_extrapolation(system, start, [dt, duration], whole),
-        }
-    }
-
-    fn by_library(system: &System, start: &State, duration: f64, deadline: Deadline) -> Option<Self> {
-        let [loose, tight] = TOLERANCES;
-        let solve = |tolerance| dop853(system, start, duration, tolerance, deadline);
-        let (coarse, state) = (solve(loose)?, solve(tight)?);
+        let [of_library, whole] = [limit / 2, limit].map(|time| Deadline::after(time, interrupt));
+        // The second tolerance gives the reference, the first tells its error.
+        let solve = |tolerance| dop853(system, start, duration, tolerance, of_library);
+        let Some((coarse, state)) = solve(1e-10).and_then(|coarse| Some((coarse, solve(1e-12)?))) else {
+            return Self::by_extrapolation(system, start, [dt, duration], whole);
+        };
         let difference = relative_position_error(&coarse.positions, &state.positions, &start.positions);
-        let method = format!("DOP853 (ivp), relative tolerance {tight:e}");
-        Some(Self { method, error_estimate: difference.max(ROUNDING), state })
+        let method = "DOP853 (ivp), relative tolerance 1e-12".into();
+        Ok(Some(Self { method, error_estimate: difference.max(ROUNDING), state }))
     }
 
     /// By Richardson extrapolation alone, from steps of dt on; see [`compute`](Self::compute).
@@ -116,13 +98,13 @@ impl Reference {
                     two.into_iter().flatten().last().map(|two| (two.0, settled(two), "held to that of doubled steps"))
                 }
             };
-            // Every step rounds the positions, and extrapolation does not take that off.
-            let rounding = 0.5 * f64::EPSILON * steps;
-            if let Some((state, difference, held_to)) = candidate.map(|(state, d, to)| (state, d.max(rounding), to))
-                && best.as_ref().is_none_or(|best| difference < best.error_estimate)
-            {
-                let method = format!("Richardson extrapolation of w2 with {steps} steps, {held_to}");
-                best = Some(Self { method, error_estimate: difference.max(ROUNDING), state: state.clone() });
+            if let Some((state, difference, held_to)) = candidate {
+                // Every step rounds the positions, and extrapolation does not take that off.
+                let difference = difference.max(0.5 * f64::EPSILON * steps);
+                if best.as_ref().is_none_or(|best| difference < best.error_estimate) {
+                    let method = format!("Richardson extrapolation of w2 with {steps} steps, {held_to}");
+                    best = Some(Self { method, error_estimate: difference.max(ROUNDING), state: state.clone() });
+                }
             }
             steps *= 2.0;
         }
@@ -138,7 +120,7 @@ struct Ladder {
     extrapolated: Option<State>,
     /// The extrapolation before.
     before: Option<State>,
-    /// Whether there was time for the last run.
+    /// False from the first run on for which there was no time.
     open: bool,
 }
 
@@ -210,16 +192,9 @@ mod tests {
             (Status::Completed, 1, false),
             (Status::NonFinite, 2, true),
             (Status::Interrupted, 2, false),
-            (Status::Interrupted, 1, false),
         ] {
             assert_eq!(goes_on(status, second, |next| next <= time * second), expected, "{status:?} {time}");
         }
-    }
-
-    #[test]
-    fn the_library_has_half_of_a_third_of_the_time() {
-        assert_eq!(share(Duration::from_secs(60)), Duration::from_secs(20));
-        assert_eq!(library(Duration::from_secs(20)), Duration::from_secs(10));
     }
 
     /// Fourteen steps of dt, doubled from run to run while there is time, and the best of what they give: better than the first two

@@ -1,8 +1,8 @@
 //! Speed against accuracy on one scene.
 
-use super::sizes::{self, SizeRun};
-use super::sweep::{Bench, Run, sweep};
-use super::{Deadline, Progress, Reference, reference, tolerance};
+use super::run::Bench;
+use super::sweep::{sweep, tolerances};
+use super::{Deadline, Progress, Reference, Run};
 use crate::error::Result;
 use crate::integrate::Method;
 use crate::interrupt::Interrupt;
@@ -12,14 +12,14 @@ use faer::Par;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// What to sweep over.
+/// The extent of a sweep.
 #[derive(Debug, Clone, Copy)]
 pub struct SweepOptions {
     /// Length of the motion, in s.
     pub duration: f64,
     /// A step around which to sweep, in s: larger and smaller ones follow by factors of two.
     pub dt: f64,
-    /// About how long everything may take.
+    /// The time for everything.
     pub budget: Duration,
     /// Parallelism of the factorizations.
     pub par: Par,
@@ -50,14 +50,12 @@ pub struct WorkPrecision {
     pub scene: String,
     /// Length of the motion, in s.
     pub duration: f64,
-    /// What errors are measured against.
+    /// The reference that errors are measured against.
     pub reference: Reference,
     /// Every run, failed ones too, from the largest steps to the smallest.
     pub runs: Vec<Run>,
     /// Runs at one step size with conjugate gradients of different tolerance.
     pub tolerances: Vec<Run>,
-    /// One step on ready scenes of growing size.
-    pub sizes: Vec<SizeRun>,
     /// Positions in `runs` of those that are not recommended, because the same configuration did not hold to the end of the whole scene.
     #[serde(skip)]
     pub excluded: Vec<usize>,
@@ -79,29 +77,28 @@ impl WorkPrecision {
         let whole = Deadline::after(budget, interrupt);
         let begin = Instant::now();
         progress.at(begin.elapsed(), "reference");
-        let reference = Reference::within(system, start, [dt, duration], reference::share(budget), interrupt)?;
+        let reference = Reference::within(system, start, [dt, duration], budget / 3, interrupt)?;
         let Some(reference) = reference else { return Ok(None) };
         let costs = CostModel::of(system);
         let bench = Bench { system, start, duration, reference: &reference, costs };
-
         progress.at(begin.elapsed(), "tolerances of conjugate gradients");
-        let share = || Deadline::after(tolerance::share(budget), interrupt);
-        let study = |method| tolerance::study(&bench, method, dt, share());
-        let mut tolerances = study(Method::LinearBackwardEuler)?;
-        tolerances.extend(study(Method::W2)?);
-
-        progress.at(begin.elapsed(), "solvers over sizes");
-        let sizes = sizes::study(Deadline::after(sizes::share(budget), interrupt))?;
-
+        let share = || Deadline::after(budget / 20, interrupt);
+        let mut of_tolerance = tolerances(&bench, Method::LinearBackwardEuler, dt, share())?;
+        of_tolerance.extend(tolerances(&bench, Method::W2, dt, share())?);
         let mut shifted = |elapsed: Duration, what: &str| progress.at(begin.elapsed().max(elapsed), what);
         let runs = sweep(&bench, dt, par, whole, &mut shifted)?;
-        Ok(Some(Self { scene: scene.into(), duration, reference, runs, tolerances, sizes, excluded: Vec::new() }))
+        Ok(Some(Self {
+            scene: scene.into(),
+            duration,
+            reference,
+            runs,
+            tolerances: of_tolerance,
+            excluded: Vec::new(),
+        }))
     }
-}
 
-impl WorkPrecision {
-    /// Keeps to recommendations that hold: `holds` says of a run whether its configuration comes to the end of the whole scene, completed and without a warning. One
-    /// that does not is excluded, and the next best is asked for.
+    /// Keeps to recommendations that hold: `holds` says of a run whether its configuration completes the whole scene without a
+    /// warning. One that does not is excluded, and the next best is asked for.
     pub fn verify_recommendations(&mut self, mut holds: impl FnMut(&Run) -> bool) {
         let mut verified: Vec<usize> = Vec::new();
         loop {
@@ -120,14 +117,23 @@ mod tests {
     use super::*;
     use crate::system::fixtures::oscillator;
 
-    /// What does not hold is not recommended, at any accuracy; what holds is asked for once.
-    #[test]
-    fn only_what_holds_to_the_end_is_recommended() {
+    fn measured(tell: &mut dyn Progress) -> WorkPrecision {
         let (system, start) = oscillator();
         let budget = Duration::from_secs(4);
         let options = SweepOptions { duration: 2.0, dt: 0.1, budget, par: Par::Seq, interrupt: Interrupt::NEVER };
-        let mut tell = |_: Duration, _: &str| {};
-        let mut chart = WorkPrecision::measure("oscillator", &system, &start, &options, &mut tell).unwrap().unwrap();
+        WorkPrecision::measure("oscillator", &system, &start, &options, tell).unwrap().unwrap()
+    }
+
+    /// Every part of the chart has runs, and is named as it begins. A configuration that does not hold is not recommended, at any accuracy.
+    #[test]
+    fn a_chart_recommends_only_what_holds_to_the_end() {
+        let mut told = Vec::new();
+        let mut chart = measured(&mut |_: Duration, what: &str| told.push(what.to_owned()));
+        assert_eq!((chart.scene.as_str(), chart.duration), ("oscillator", 2.0));
+        assert!((chart.reference.state.positions[1].x - 1.0 - 0.3 * 2.0f64.cos()).abs() < 1e-8);
+        assert!(!chart.runs.is_empty() && !chart.tolerances.is_empty());
+        assert_eq!(told[..2], ["reference", "tolerances of conjugate gradients"]);
+        assert!(told.len() >= 2 + chart.runs.len());
         let explicit = ["verlet", "symplectic-euler", "forward-euler", "dop853"];
         chart.verify_recommendations(|run| !explicit.contains(&run.method));
         let decisions = chart.decisions();
@@ -135,21 +141,5 @@ mod tests {
         for run in decisions.iter().flat_map(|decision| [decision.cheapest, decision.fastest]).flatten() {
             assert!(!explicit.contains(&run.method), "{}", run.method);
         }
-    }
-
-    /// Every part of the chart has runs, and is told of as it begins.
-    #[test]
-    fn a_chart_has_all_its_parts() {
-        let (system, start) = oscillator();
-        let budget = Duration::from_secs(4);
-        let options = SweepOptions { duration: 2.0, dt: 0.1, budget, par: Par::Seq, interrupt: Interrupt::NEVER };
-        let mut told = Vec::new();
-        let mut tell = |_: Duration, what: &str| told.push(what.to_owned());
-        let chart = WorkPrecision::measure("oscillator", &system, &start, &options, &mut tell).unwrap().unwrap();
-        assert_eq!((chart.scene.as_str(), chart.duration), ("oscillator", 2.0));
-        assert!((chart.reference.state.positions[1].x - 1.0 - 0.3 * 2.0f64.cos()).abs() < 1e-8);
-        assert!(!chart.runs.is_empty() && !chart.tolerances.is_empty());
-        assert_eq!(told[..3], ["reference", "tolerances of conjugate gradients", "solvers over sizes"]);
-        assert!(told.len() >= 3 + chart.runs.len());
     }
 }

@@ -1,20 +1,17 @@
 //! `sprung chart`: speed against accuracy, and the limits of stability.
 
-use super::common::{LoadedScene, SceneFile, Threads, check_writable};
+use super::common::{LoadedScene, SceneFile, claim, positive};
 use super::console::{Console, error};
-use super::recorder::bar;
-use super::values::positive;
-use super::{Exit, Stop, interrupt};
-use indicatif::ProgressBar;
+use super::threads::{Threads, end_in_order, interrupt, is_interrupted};
+use super::{Exit, Stop};
 use serde::Serialize;
 use sprung::Result;
-use sprung::chart::{Deadline, Reference, Run, SizeRun, StabilityMap, SweepOptions, WorkPrecision};
+use sprung::chart::{Deadline, Reference, Run, StabilityMap, SweepOptions, WorkPrecision};
 use sprung::integrate::{Method, Monitor, Schedule, Status, StiffnessPolicy, percent};
 use sprung::linear::SolverChoice;
 use sprung::output::AtomicFile;
 use sprung::plan::{MethodChoice, RunOptions, parallelism};
 use sprung::report::{chart_html, plot, tiles};
-use std::io::{self, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -54,9 +51,6 @@ pub struct Chart {
     out: Option<PathBuf>,
 }
 
-/// Columns of a tile of the stability map.
-const RESOLUTION: usize = 36;
-
 const FILES: [&str; 2] = ["chart.json", "chart.html"];
 
 /// The result as JSON.
@@ -67,7 +61,6 @@ struct Report<'a> {
     reference: &'a Reference,
     runs: &'a [Run],
     tolerances: &'a [Run],
-    sizes: &'a [SizeRun],
     stability: &'a StabilityMap,
 }
 
@@ -76,19 +69,20 @@ impl Chart {
         let scene = self.scene.load(console)?;
         let dt = scene.step_or_default(console, self.dt);
         let duration = scene.motion_length(self.duration, "a chart")?;
-        Schedule::check(dt, duration).map_err(|error| scene.not_countable(error))?;
+        scene.check_schedule(dt, duration)?;
         let folder = scene.folder(&self.out);
-        interrupt::keep();
-        let _claimed = check_writable(&folder, &FILES)?;
+        end_in_order();
+        let _claimed = claim(&folder, &FILES, false)?;
         let budget = Duration::try_from_secs_f64(self.budget).unwrap_or(Duration::MAX / 16).min(Duration::MAX / 16);
-        let request = interrupt::request();
-        let until = Deadline::after(budget, request);
+        let until = Deadline::after(budget, interrupt());
         let sweep = if self.stability { budget / 2 } else { budget };
-        let is_a_part = scene.time.duration.is_some_and(|whole| whole > duration);
-        // Recommendations have to hold to the end of the whole scene, which takes time too.
-        let sweep = if is_a_part { sweep * 7 / 10 } else { sweep };
-        let options = SweepOptions { duration, dt, budget: sweep, par: parallelism(&scene.system), interrupt: request };
-        let bar = progress_bar(console, budget);
+        let whole = scene.time.duration.filter(|whole| *whole > duration);
+        // Recommendations must hold to the end of the whole scene, which takes time too.
+        let sweep = if whole.is_some() { sweep * 7 / 10 } else { sweep };
+        let par = parallelism(&scene.system);
+        let options = SweepOptions { duration, dt, budget: sweep, par, interrupt: interrupt() };
+        let bar = console.bar(budget.as_secs().max(1), "{wide_bar} {pos} of at most {len} s, {msg}");
+        bar.set_message("starting");
         let measured = self.threads.install(|| {
             let mut progress = |elapsed: Duration, what: &str| {
                 bar.set_position(elapsed.as_secs());
@@ -97,7 +91,7 @@ impl Chart {
             let measured = WorkPrecision::measure(&scene.name, &scene.system, &scene.state, &options, &mut progress)
                 .map_err(|error| error.in_file(&scene.file))?;
             Ok(measured.map(|mut chart| {
-                chart.verify_recommendations(|run| holds(&scene, run, duration, until));
+                chart.verify_recommendations(|run| whole.is_none_or(|whole| holds(&scene, run, whole, until)));
                 chart
             }))
         })?;
@@ -106,17 +100,16 @@ impl Chart {
                 return Ok(StabilityMap { tiles: Vec::new(), missing: 0 });
             }
             let mut progress = |_: Duration, what: &str| bar.set_message(format!("stability of {what}"));
-            Ok(StabilityMap::within(RESOLUTION, &mut progress, until)?)
+            Ok(StabilityMap::within(36, &mut progress, until)?)
         })?;
         bar.finish_and_clear();
         let Some(chart) = measured else {
-            error(match interrupt::is_requested() {
-                true => "interrupted before there was a reference solution",
-                false => {
-                    "no reference solution was found within a third of the budget: give it more, or a shorter --duration"
-                }
-            });
-            return Ok(Exit::Failed);
+            return Err(Stop::Computation(if is_interrupted() {
+                "interrupted before there was a reference solution".into()
+            } else {
+                "no reference solution was found within a third of the budget: give it more, or a shorter --duration"
+                    .into()
+            }));
         };
         let report = Report {
             scene: &chart.scene,
@@ -124,7 +117,6 @@ impl Chart {
             reference: &chart.reference,
             runs: &chart.runs,
             tolerances: &chart.tolerances,
-            sizes: &chart.sizes,
             stability: &map,
         };
         write(&folder, &report, &chart, &map).map_err(Stop::Broken)?;
@@ -132,7 +124,7 @@ impl Chart {
         let mut lines = vec![format!("{}: {} runs, {failed} of them failed", chart.scene, chart.runs.len())];
         let Reference { method, error_estimate, .. } = &chart.reference;
         lines.push(format!("  reference  {method}, error about {}", percent(*error_estimate)));
-        if let Some(whole) = scene.time.duration.filter(|whole| *whole > duration) {
+        if let Some(whole) = whole {
             lines.push(format!(
                 "  recommended are runs that also hold to the scene's own end, at {whole} s; {} of those tried do not",
                 chart.excluded.len()
@@ -140,14 +132,13 @@ impl Chart {
         }
         lines.extend(chart.conclusions().iter().map(|sentence| format!("  {sentence}")));
         lines.push(format!("  files      {} and chart/*.svg in {}", FILES.join(", "), folder.display()));
-        let text = lines.join("\n");
-        console.result(&report, text)?;
-        if map.missing > 0 && !interrupt::is_requested() {
+        console.result(&report, lines.join("\n"))?;
+        if map.missing > 0 && !is_interrupted() {
             let all = map.tiles.len() + map.missing;
             console.note(format_args!("the budget was enough for {} of {all} maps of stability", map.tiles.len()));
         }
         let mut outcome = Exit::Done;
-        if interrupt::is_requested() {
+        if is_interrupted() {
             error("interrupted: the chart has the runs that were made until then");
             outcome = Exit::Failed;
         }
@@ -159,11 +150,10 @@ impl Chart {
     }
 }
 
-/// Whether a recommended run, made as the command makes it to the scene's own end, completes and estimates no large error. Where the deadline comes first nothing
-/// is known, and nothing recommended.
+/// Whether a recommended run, made as by `sprung run` for the whole duration, completes without a warning. After the deadline nothing is
+/// recommended.
 fn holds(scene: &LoadedScene, run: &Run, duration: f64, until: Deadline) -> bool {
     let LoadedScene { system, state: start, .. } = scene;
-    let Some(duration) = scene.time.duration.filter(|whole| *whole > duration) else { return true };
     let method = Method::ALL.into_iter().find(|method| method.name() == run.method).map(MethodChoice::Named);
     let stiffness = StiffnessPolicy::ALL.into_iter().find(|policy| policy.name() == run.stiffness);
     let solver = SolverChoice::ALL.into_iter().find(|solver| solver.name() == run.solver);
@@ -185,24 +175,14 @@ fn holds(scene: &LoadedScene, run: &Run, duration: f64, until: Deadline) -> bool
 
 /// Writes the page, the data and the pictures.
 fn write(folder: &Path, report: &Report<'_>, chart: &WorkPrecision, map: &StabilityMap) -> Result<()> {
-    let picture = |name: &str, svg: String| {
-        AtomicFile::write(folder.join("chart").join(format!("{name}.svg")), |file| file.write_all(svg.as_bytes()))
-    };
+    let picture =
+        |name: &str, svg: String| AtomicFile::write_text(folder.join("chart").join(format!("{name}.svg")), &svg);
     for figure in chart.figures() {
         picture(figure.name, plot::svg(&figure.plot))?;
     }
     for tile in &map.tiles {
         picture(&tile.file_name(), tiles::svg(&tile.figure()))?;
     }
-    let page = chart_html(chart, map);
-    AtomicFile::write(folder.join("chart.html"), |file| file.write_all(page.as_bytes()))?;
-    AtomicFile::write(folder.join("chart.json"), |file| {
-        serde_json::to_writer(&mut *file, report).map_err(io::Error::from)?;
-        file.write_all(b"\n")
-    })
-}
-
-/// A bar on stderr that fills with time; indicatif shows it only on a terminal.
-fn progress_bar(console: &Console, budget: Duration) -> ProgressBar {
-    bar(console, budget.as_secs().max(1), "{wide_bar} {pos} of at most {len} s, {msg}").with_message("starting")
+    AtomicFile::write_text(folder.join("chart.html"), &chart_html(chart, map))?;
+    AtomicFile::write_json(folder.join("chart.json"), report)
 }

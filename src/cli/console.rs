@@ -1,14 +1,16 @@
-//! What goes to stdout and stderr. Results go to stdout, everything else to stderr.
+//! Output for people: results on stdout; notes, errors and progress on stderr.
 
 use super::Stop;
 use anstyle::{AnsiColor, Effects};
-use clap::{ColorChoice, ValueEnum};
+use clap::error::{ContextKind, ContextValue};
+use clap::{ColorChoice, Command, ValueEnum};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 use sprung::Error;
-use std::fmt::Display;
+use std::fmt::{self, Display};
 use std::io::{self, Write};
 
-/// How much a command says, and in what form.
+/// The amount and form of output.
 #[derive(Debug, clap::Args)]
 pub struct Console {
     /// Say nothing but errors
@@ -29,41 +31,60 @@ pub struct Console {
 }
 
 impl Console {
-    /// Prints a command's result on stdout: as JSON, as text for people, or, when quiet, not at all. Text that has a longer form has it as
-    /// its alternate one (`{:#}`).
+    /// Prints a command's result on stdout: as JSON, or as text, whose longer form is its alternate one (`{:#}`).
     pub fn result(&self, result: &impl Serialize, text: impl Display) -> Result<(), Stop> {
         if self.json {
             let json = serde_json::to_string_pretty(result).map_err(|error| broken_stdout(error.into()))?;
             print(&json)
-        } else if !self.quiet {
-            print(&if self.verbose { format!("{text:#}") } else { text.to_string() })
-        } else {
+        } else if self.quiet {
             Ok(())
+        } else {
+            print(&if self.verbose { format!("{text:#}") } else { text.to_string() })
         }
     }
 
-    /// Says something that the user should know; not when quiet.
+    /// Prints a note, unless quiet.
     pub fn note(&self, line: impl Display) {
         if !self.quiet {
-            complain("note", AnsiColor::Cyan, line);
+            print_labelled("note", AnsiColor::Cyan, line);
         }
+    }
+
+    /// A progress bar on stderr, which appears only on a terminal.
+    pub fn bar(&self, length: u64, template: &str) -> ProgressBar {
+        let target = if self.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let bar = ProgressBar::with_draw_target(Some(length), target);
+        let eta = |state: &ProgressState, text: &mut dyn fmt::Write| {
+            let seconds = state.eta().as_secs();
+            let _ = match state.pos() {
+                0 => write!(text, "time unknown"),
+                _ if seconds < 60 => write!(text, "{} s left", seconds.max(1)),
+                _ => write!(text, "{} left", time_span(seconds as f64)),
+            };
+        };
+        match ProgressStyle::with_template(template) {
+            Ok(style) => bar.with_style(style.with_key("eta", eta)),
+            Err(_) => bar,
+        }
+    }
+
+    /// The progress bar of a run.
+    pub fn step_bar(&self, steps: u64) -> ProgressBar {
+        self.bar(steps, "{wide_bar} step {pos} of {len}, {msg}, {eta}").with_message("at the start")
     }
 }
 
-/// The colours that arguments ask for, before they are understood: what is wrong with them is said in colour too.
-pub fn asked_colour(arguments: impl Iterator<Item = String>) -> ColorChoice {
-    let arguments: Vec<String> = arguments.collect();
-    let value = |(k, argument): (usize, &String)| match argument.strip_prefix("--color") {
-        Some("") => arguments.get(k + 1).cloned(),
-        Some(rest) => rest.strip_prefix('=').map(str::to_owned),
-        None => None,
-    };
-    let asked = arguments.iter().enumerate().find_map(value);
-    asked.and_then(|value| ColorChoice::from_str(&value, true).ok()).unwrap_or(ColorChoice::Auto)
+/// The value of `--color`, before the arguments are parsed: errors in them are coloured too.
+pub fn requested_color(arguments: impl Iterator<Item = String>) -> ColorChoice {
+    let mut arguments = arguments.skip_while(|argument| !argument.starts_with("--color"));
+    let value = arguments.next().and_then(|argument| match argument.strip_prefix("--color=") {
+        Some(value) => Some(value.to_owned()),
+        None => arguments.next(),
+    });
+    value.and_then(|value| ColorChoice::from_str(&value, true).ok()).unwrap_or(ColorChoice::Auto)
 }
 
-/// Colours what is said from here on, or not.
-pub fn colour(choice: ColorChoice) {
+pub fn set_color(choice: ColorChoice) {
     let choice = match choice {
         ColorChoice::Auto => anstream::ColorChoice::Auto,
         ColorChoice::Always => anstream::ColorChoice::Always,
@@ -72,38 +93,134 @@ pub fn colour(choice: ColorChoice) {
     choice.write_global();
 }
 
-/// Says what makes a result doubtful, quiet or not.
-pub fn warning(line: impl Display) {
-    complain("warning", AnsiColor::Yellow, line);
-}
-
 /// Prints text and a line break on stdout. A reader that has left (`sprung new cloth | head`) is not an error.
 pub fn print(text: &str) -> Result<(), Stop> {
     let mut stdout = io::stdout().lock();
-    let outcome =
-        stdout.write_all(text.as_bytes()).and_then(|()| stdout.write_all(b"\n")).and_then(|()| stdout.flush());
-    match outcome {
+    match writeln!(stdout, "{text}").and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(broken_stdout(error)),
         _ => Ok(()),
     }
 }
 
-/// Says what went wrong.
-pub fn error(message: impl Display) {
-    complain("error", AnsiColor::Red, message);
+fn broken_stdout(source: io::Error) -> Stop {
+    Stop::Broken(Error::io("standard output", source))
 }
 
-/// Says what can be done about it.
+pub fn error(message: impl Display) {
+    print_labelled("error", AnsiColor::Red, message);
+}
+
+/// Prints a reason to doubt a result, quiet or not.
+pub fn warning(line: impl Display) {
+    print_labelled("warning", AnsiColor::Yellow, line);
+}
+
+/// Prints advice on an error.
 pub fn help(line: impl Display) {
-    complain("help", AnsiColor::Green, line);
+    print_labelled("help", AnsiColor::Green, line);
 }
 
 /// Prints a line on stderr, whether or not anyone reads it.
-fn complain(label: &str, colour: AnsiColor, line: impl Display) {
-    let style = colour.on_default().effects(Effects::BOLD);
+fn print_labelled(label: &str, color: AnsiColor, line: impl Display) {
+    let style = color.on_default().effects(Effects::BOLD);
     let _ = writeln!(anstream::stderr(), "{style}{label}:{style:#} {line}");
 }
 
-fn broken_stdout(source: io::Error) -> Stop {
-    Stop::Broken(Error::io("standard output", source))
+/// Adds a suggestion to an error of the arguments where clap has none: it compares letters from the front, and does not see `run` in `rnu`.
+pub fn with_suggestion(mut error: clap::error::Error, program: &Command) -> clap::error::Error {
+    let word = |error: &clap::error::Error, kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.clone()),
+        _ => None,
+    };
+    if let Some(word) = word(&error, ContextKind::InvalidSubcommand)
+        && error.get(ContextKind::SuggestedSubcommand).is_none()
+        && let Some(known) = nearest(&word, program.get_subcommands().map(Command::get_name))
+    {
+        error.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(vec![known.to_owned()]));
+    }
+    if let (Some(word), Some(ContextValue::Strings(valid))) =
+        (word(&error, ContextKind::InvalidValue), error.get(ContextKind::ValidValue))
+        && error.get(ContextKind::SuggestedValue).is_none()
+        && let Some(known) = nearest(&word, valid.iter().map(String::as_str))
+    {
+        let known = ContextValue::String(known.to_owned());
+        error.insert(ContextKind::SuggestedValue, known);
+    }
+    error
+}
+
+/// The known word at the smallest edit distance, at most a third of the word's length.
+fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let most = word.chars().count().div_ceil(3);
+    let distances = known.map(|known| (strsim::osa_distance(word, known), known));
+    distances.filter(|(distance, _)| *distance <= most).min_by_key(|(distance, _)| *distance).map(|(_, known)| known)
+}
+
+/// Up to six significant digits: `0.35`, `1.66667`, `-1380.19`, `2.5e-7`.
+pub fn number(value: f64) -> String {
+    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+    // Without the sign of zero.
+    let rounded = rounded + 0.0;
+    let is_plain = rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs()) || !rounded.is_finite();
+    if is_plain { rounded.to_string() } else { format!("{rounded:e}") }
+}
+
+/// `1 step`, `2 steps`.
+pub fn count(n: u64, noun: &str) -> String {
+    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
+}
+
+/// A time span, in s: `0.35 s`, `12.4 s`, `1 min 49 s`, `2 h 5 min`.
+pub fn time_span(seconds: f64) -> String {
+    if seconds < 59.95 {
+        return if seconds < 9.995 { format!("{seconds:.2} s") } else { format!("{seconds:.1} s") };
+    }
+    let whole = seconds.round() as u64;
+    match (whole / 3600, whole / 60 % 60, whole % 60) {
+        (0, minutes, 0) => format!("{minutes} min"),
+        (0, minutes, seconds) => format!("{minutes} min {seconds} s"),
+        (hours, 0, _) => format!("{hours} h"),
+        (hours, minutes, _) => format!("{hours} h {minutes} min"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{count, nearest, number, time_span};
+
+    #[test]
+    fn numbers_and_time_spans_are_short() {
+        for (value, text) in [
+            (1.6666666666666667, "1.66667"),
+            (-1380.194123, "-1380.19"),
+            (0.1 + 0.2, "0.3"),
+            (20.0, "20"),
+            (-0.0, "0"),
+            (2.5e-7, "2.5e-7"),
+            (31557600.0, "3.15576e7"),
+            (f64::NAN, "NaN"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+        assert_eq!([0, 1, 2].map(|n| count(n, "step")), ["0 steps", "1 step", "2 steps"]);
+        for (seconds, text) in [
+            (0.3512, "0.35 s"),
+            (9.996, "10.0 s"),
+            (59.9, "59.9 s"),
+            (59.96, "1 min"),
+            (108.6, "1 min 49 s"),
+            (3600.0, "1 h"),
+            (7523.0, "2 h 5 min"),
+        ] {
+            assert_eq!(time_span(seconds), text);
+        }
+    }
+
+    #[test]
+    fn slips_are_understood_and_guesses_are_not() {
+        let known = ["run", "matrix", "inspect", "chart", "new", "w2"];
+        let slips = [("rnu", "run"), ("nwe", "new"), ("w3", "w2"), ("isnpetc", "inspect")];
+        assert!(slips.iter().all(|(word, meant)| nearest(word, known.into_iter()) == Some(meant)));
+        assert!(["simulate", ""].iter().all(|word| nearest(word, known.into_iter()).is_none()));
+    }
 }

@@ -1,28 +1,27 @@
-//! The files of a run, whatever way it goes, and its summary for people.
+//! The files of a run while it is under way: energies, frames and the page.
 
-use super::common::LoadedScene;
-use super::number::{count, number};
-use super::time::in_words;
-use super::values::positive_count;
-use super::view::{self, PAGE};
-use sprung::Result;
-use sprung::integrate::{Balance, Schedule, percent};
+use super::common::{LoadedScene, positive_count};
+use super::console::number;
+use super::view::{PAGE, write_page};
+use indicatif::ProgressBar;
+use sprung::integrate::{Monitor, Schedule};
 use sprung::output::{
-    BUNDLE, ErrorKind, ErrorReport, Frames, OutputFolder, Summary, TRAJECTORY, clear_frames, playback,
+    BUNDLE, Checkpoint, EnergyLog, Frames, LogPosition, OutputFolder, TRAJECTORY, clear_frames, playback,
 };
-use std::fmt::{self, Display};
+use sprung::plan::RECORDS;
+use sprung::{Result, State, System};
 use std::num::NonZeroU64;
 use std::path::Path;
 
 /// Files that every run writes.
 pub const FILES: [&str; 3] = ["summary.json", "final.json", "energy.csv"];
 
-/// Files that are written where they are asked for.
+/// Optional files of a run.
 #[derive(Debug, clap::Args)]
 pub struct Files {
     /// Write every Nth step as a VTK file, from the initial state on, frames.pvd, which opens them as a time series, and
     /// trajectory.npz, all of them in one file for Python
-    #[arg(long, value_name = "N", value_parser = positive_count)]
+    #[arg(long, value_name = "N", value_parser = positive_count::<NonZeroU64>)]
     pub frames: Option<NonZeroU64>,
 
     /// Write view.html, a page that plays the motion in any browser; without --frames, of about 300 frames, or as many as take a
@@ -32,11 +31,8 @@ pub struct Files {
 }
 
 impl Files {
-    /// Writes the page that plays the motion, where it is asked for; names all files of a run.
-    ///
-    /// # Errors
-    /// A page that cannot be written.
-    pub fn show(&self, folder: &Path) -> Result<Vec<&'static str>> {
+    /// Writes the page, if requested; returns the names of all files of a run.
+    pub fn finish(&self, folder: &Path) -> Result<Vec<&'static str>> {
         let mut names = FILES.to_vec();
         if self.frames.is_some() {
             names.push("frames.pvd");
@@ -45,23 +41,41 @@ impl Files {
             names.push(TRAJECTORY);
         }
         if self.view {
-            playback(folder).and_then(|motion| view::write(&folder.join(PAGE), &motion))?;
+            playback(folder).and_then(|motion| write_page(&folder.join(PAGE), &motion))?;
             names.push(PAGE);
         }
         Ok(names)
     }
 
-    /// The frames that are to be kept, if any, in a folder.
-    ///
-    /// # Errors
-    /// A folder that cannot be written.
-    pub fn kept(&self, folder: &Path, schedule: &Schedule, scene: &LoadedScene) -> Result<Option<Frames>> {
-        let kept = view::frames(folder, self.frames, self.view, schedule, &scene.system, None)?;
-        Ok(kept.map(|frames| frames.with_triangles(scene.triangles.clone())))
+    /// The frames of a run in a folder, if requested; those of a page have no files for VTK.
+    pub fn start_frames(
+        &self,
+        folder: &Path,
+        schedule: &Schedule,
+        scene: &LoadedScene,
+        from: Option<&Checkpoint>,
+    ) -> Result<Option<Frames>> {
+        let Some(every) = self.interval(schedule, &scene.system) else { return Ok(None) };
+        let frames = match from {
+            Some(checkpoint) => Frames::resume(folder, every, checkpoint.frames.clone(), &scene.system)?,
+            None => Frames::create(folder, every)?,
+        };
+        let frames = frames.with_triangles(scene.triangles.clone());
+        Ok(Some(if self.frames.is_some() { frames } else { frames.without_vtk() }))
     }
 
-    /// Removes what an earlier run has left that this one has nothing in place of.
-    pub fn clear_older(&self, folder: &OutputFolder) -> Result<()> {
+    /// The number of steps between frames, if requested: for a page, as many frames as look smooth and take at most a gigabyte.
+    pub fn interval(&self, schedule: &Schedule, system: &System) -> Option<NonZeroU64> {
+        let smooth = || {
+            let bytes = 6 * size_of::<f64>() * system.particles().max(1);
+            let frames = (1_000_000_000 / bytes).clamp(30, RECORDS as usize) as u64;
+            NonZeroU64::new(schedule.len().div_ceil(frames)).unwrap_or(NonZeroU64::MIN)
+        };
+        self.frames.or_else(|| self.view.then(smooth))
+    }
+
+    /// Removes files of an earlier run that this one does not replace.
+    pub fn remove_older(&self, folder: &OutputFolder) -> Result<()> {
         if self.frames.is_none() {
             clear_frames(folder)?;
         }
@@ -75,106 +89,38 @@ impl Files {
     }
 }
 
-/// The summary for people: what a person wants to know first, or (`{:#}`) everything.
-pub fn text<'a>(summary: &'a Summary, folder: &'a Path, files: &'a [&'static str]) -> impl Display + 'a {
-    MonitorCheckpoint { summary, folder, files }
+/// Records energies and frames, and shows the progress.
+pub struct Recorder {
+    pub energies: EnergyLog,
+    pub frames: Option<Frames>,
+    pub progress: ProgressBar,
 }
 
-struct MonitorCheckpoint<'a> {
-    summary: &'a Summary,
-    folder: &'a Path,
-    files: &'a [&'static str],
-}
-
-impl Display for MonitorCheckpoint<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { summary, folder, files } = self;
-        let Summary { scene, status, steps, time, wall_seconds, .. } = summary;
-        let (status, steps, time) = (status.name(), count(*steps, "step"), number(*time));
-        writeln!(f, "{scene}: {status} at t = {time} s after {steps}, in {}", in_words(*wall_seconds))?;
-        if let Some(error) = &summary.error {
-            writeln!(f, "  error     {}", error_line(error))?;
-        }
-        writeln!(f, "  method    {}", method(summary))?;
-        if f.alternate() {
-            self.bookkeeping(f)?;
-        }
-        writeln!(f, "  files     {} in {}", files.join(", "), folder.display())?;
-        if files.contains(&PAGE) {
-            write!(f, "open {}", folder.join(PAGE).display())
-        } else {
-            write!(f, "  motion    not kept; with --view the run writes a page that plays it")
-        }
+impl Recorder {
+    /// The positions in the files, for a checkpoint.
+    pub fn position(&mut self) -> Result<(LogPosition, Vec<(f64, u64)>)> {
+        let frames = self.frames.as_mut().map_or_else(|| Ok(Vec::new()), Frames::position)?;
+        Ok((self.energies.position()?, frames))
     }
-}
 
-/// How wrong a run is, and how well that is known.
-fn error_line(error: &ErrorReport) -> String {
-    let how = match error.kind {
-        ErrorKind::Confirmed => "confirmed",
-        ErrorKind::Indicator => "an estimate: right to about ten times",
-    };
-    format!("about {} of the extent ({how})", percent(error.estimate))
-}
-
-/// The method, and the matrices that it takes.
-fn method(summary: &Summary) -> String {
-    let Summary { method, stiffness, solver, preconditioner, .. } = summary;
-    if *solver == "none" {
-        return (*method).to_owned();
+    /// Records the state after a step.
+    pub fn record(&mut self, system: &System, state: &State, step: u64, monitor: &Monitor) -> Result<()> {
+        let (energy, balance) = monitor.energy_at(state);
+        self.energies.push(state.time, &energy, &balance)?;
+        if let Some(frames) = &mut self.frames {
+            frames.record(system, state, step)?;
+        }
+        if !self.progress.is_hidden() {
+            self.progress.set_position(step);
+            self.progress.set_message(format!("t = {} s", number(state.time)));
+        }
+        Ok(())
     }
-    let with = if *preconditioner == "none" { String::new() } else { format!(" with {preconditioner}") };
-    format!("{method}, stiffness {stiffness}, solver {solver}{with}")
-}
 
-impl MonitorCheckpoint<'_> {
-    /// What the computation took and why it was done so, and where the energy went.
-    fn bookkeeping(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Summary { solver, energy, statistics, particles, springs, dofs, .. } = self.summary;
-        let work = &statistics.work;
-        let mut line = |name: &str, text: String| writeln!(f, "  {name:<9} {text}");
-        let [particles, springs] =
-            [(particles, "particle"), (springs, "spring")].map(|(&n, noun)| count(n as u64, noun));
-        line("system", format!("{particles}, {springs}, {dofs} degrees of freedom"))?;
-        if let Some(choice) = &self.summary.choice {
-            line("chosen", choice.reason.clone())?;
-        }
-        if let Some(choice) = &self.summary.solver_choice {
-            line("chosen", choice.clone())?;
-        }
-        if *solver == "none" {
-            line("work", count(work.force_evaluations, "force evaluation"))?;
-        } else {
-            let counts = [
-                (work.solves, "solve"),
-                (work.factorizations, "factorization"),
-                (work.cg_iterations, "CG iteration"),
-                (work.newton_iterations, "Newton iteration"),
-            ];
-            line("work", counts.map(|(n, noun)| count(n, noun)).join(", "))?;
-            let asked = statistics.max_tolerance;
-            let asked = if asked > 0.0 { format!("; asked for {asked:.1e} or less") } else { String::new() };
-            let residual = statistics.max_relative_residual;
-            line("residual", format!("at most {residual:.1e} of the right-hand side{asked}"))?;
-        }
-        if statistics.rejected_steps > 0 {
-            line("rejected", format!("{} with too large an error", count(statistics.rejected_steps, "step")))?;
-        }
-        if statistics.softened_solves > 0 {
-            let each = statistics.dropped_terms as f64 / statistics.softened_solves as f64;
-            let solves = count(statistics.softened_solves, "solve");
-            line("dropped", format!("{each:.1} transverse terms on average in {solves} where A was indefinite"))?;
-        }
-        line("energy", format!("{} J at the start, {} J at the end", number(energy.initial), number(energy.last)))?;
-        let Balance { work, dissipated, imbalance } = energy.balance;
-        line(
-            "balance",
-            format!(
-                "{} J of work by moving constraints, {} J dissipated, {} J unexplained",
-                number(work),
-                number(dissipated),
-                number(imbalance)
-            ),
-        )
+    /// Completes the files.
+    pub fn finish(self, system: &System) -> Result<()> {
+        self.progress.finish_and_clear();
+        self.energies.finish()?;
+        self.frames.map_or(Ok(()), |frames| frames.finish(system))
     }
 }

@@ -1,20 +1,16 @@
 //! `sprung inspect`: is A positive definite, which springs spoil it, and which step is safe?
 
-use super::common::{LoadedScene, SceneFile, Threads, check_writable};
-use super::console::{Console, error};
-use super::number::number;
-use super::recorder::bar;
-use super::start::{At, advance};
-use super::values::{choice, positive, whole};
-use super::{Exit, Stop, interrupt};
+use super::common::{At, LoadedScene, SceneFile, advance, choice, claim, positive, whole};
+use super::console::{Console, error, number};
+use super::threads::{Threads, end_in_order, is_interrupted};
+use super::{Exit, Stop};
 use faer::Par;
 use sprung::inspect::{AFFORDABLE, FirstLosses, Follower, Inspection, Part, Pictures};
 use sprung::integrate::RunFailure;
 use sprung::output::{AtomicFile, OutputFolder};
 use sprung::plan::parallelism;
-use sprung::report::inspection::{InspectionRecord, first_answer, html, pictures, text};
+use sprung::report::inspection::{InspectionRecord, first_answer, html, text};
 use sprung::{Result, Stiffness};
-use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -45,7 +41,7 @@ pub struct Inspect {
     at: At,
 
     /// Which part of every spring's stiffness enters the matrix that is examined
-    #[arg(long, value_name = "OPTION", default_value = "full", value_parser = choice(&Stiffness::ALL, Stiffness::name, describe_stiffness))]
+    #[arg(long, value_name = "OPTION", default_value = "full", value_parser = choice(&STIFFNESSES, Stiffness::name))]
     stiffness: Stiffness,
 
     /// Look at everything, however long it takes, instead of leaving out what takes too much work
@@ -60,19 +56,18 @@ pub struct Inspect {
     out: Option<PathBuf>,
 }
 
-fn describe_stiffness(option: Stiffness) -> &'static str {
-    match option {
-        Stiffness::Full => "the exact stiffness",
-        Stiffness::Tension => "without the transverse terms of compressed springs",
-        Stiffness::Axial => "without any transverse term",
-    }
-}
+const STIFFNESSES: [(Stiffness, &str); 3] = [
+    (Stiffness::Full, "the exact stiffness"),
+    (Stiffness::Tension, "without the transverse terms of compressed springs"),
+    (Stiffness::Axial, "without any transverse term"),
+];
 
 const FILES: [&str; 6] =
     ["inspect.html", "scene.svg", "lambda-min.svg", "spectrum.svg", "pattern-A.svg", "pattern-L.svg"];
 
-/// Where a run came to, what was lost on the way, and what ended it early.
-struct Arrival {
+/// The steps that were followed.
+#[derive(Default)]
+struct Followed {
     steps: u64,
     losses: Option<FirstLosses>,
     failure: Option<RunFailure>,
@@ -87,65 +82,68 @@ impl Inspect {
         let in_file = |error: sprung::Error| error.in_file(&file);
         let par = parallelism(&scene.system);
         if self.steps > 0 {
-            interrupt::keep();
+            end_in_order();
         }
-        let arrival = self.threads.install(|| Ok(self.arrive(console, &mut scene, dt)))?.map_err(in_file)?;
+        let followed = self.threads.install(|| Ok(self.follow(console, &mut scene, dt)))?.map_err(in_file)?;
+        let Followed { steps, losses, failure } = followed;
         let scene = Arc::new(scene);
-        let Looked { inspection, images } = self.look(console, &scene, dt, par)?.map_err(in_file)?;
+        let (inspection, pictures) = self.inspect(console, &scene, dt, par)?.map_err(in_file)?;
         let LoadedScene { name, system, state, .. } = &*scene;
         let Some(inspection) = inspection else {
             return Err(Stop::Computation("interrupted before anything was known of A".into()));
         };
         let is_known = !inspection.lacks(Part::Spectrum(self.stiffness)) && !system.dofs().is_empty();
         if is_known && !inspection.examined().largest.is_finite() {
-            error(format_args!("A has entries that are not finite numbers (dt = {dt:?} s)"));
-            return Ok(Exit::Failed);
+            let message = format!("A has entries that are not finite numbers (dt = {dt:?} s)");
+            return Err(Stop::Computation(message));
         }
-        let claimed = check_writable(&folder, &FILES)?;
+        let claimed = claim(&folder, &FILES, false)?;
         // Those of an interrupted inspection are few and quickly made.
-        let images = match images {
-            Some(images) => images,
-            None => Pictures::of(system, state, &inspection).map_err(in_file)?,
-        };
-        let images = images.named(name);
-        let losses = arrival.losses.as_ref();
-        let page = html(name, arrival.steps, state.time, &inspection, losses, &images);
-        write(&folder, &claimed, &page, &images).map_err(Stop::Broken)?;
-        let record = InspectionRecord::new(name, arrival.steps, state.time, &inspection).with_losses(losses);
-        let text = text(name, arrival.steps, state.time, &inspection, losses);
-        let page = folder.join("inspect.html");
-        console.result(&record, format!("{text}\n  pictures     {}", page.display()))?;
-        if let Some(RunFailure { step, time, failure }) = arrival.failure {
+        let pictures = pictures.map_or_else(|| Pictures::of(system, state, &inspection), Ok).map_err(in_file)?;
+        let pictures = pictures.named(name);
+        let losses = losses.as_ref();
+        let page = html(name, steps, state.time, &inspection, losses, &pictures);
+        write(&folder, &claimed, &page, &pictures).map_err(Stop::Broken)?;
+        let record = InspectionRecord::new(name, steps, state.time, &inspection).with_losses(losses);
+        let text = text(name, steps, state.time, &inspection, losses);
+        console.result(&record, format!("{text}\n  pictures     {}", folder.join("inspect.html").display()))?;
+        if let Some(RunFailure { step, time, failure }) = failure {
             let time = number(time);
             error(format_args!("{} in step {step}, at t = {time} s: {failure}", failure.status().name()));
             return Ok(Exit::Failed);
         }
-        if interrupt::is_requested() {
+        if is_interrupted() {
             error("interrupted: what was not looked at is left out");
             return Ok(Exit::Failed);
         }
         Ok(Exit::Done)
     }
 
-    /// Inspects the state; where the user interrupts, with what is known by then.
-    fn look(&self, console: &Console, scene: &Arc<LoadedScene>, dt: f64, par: Par) -> Result<Result<Looked>, Stop> {
-        let bar = bar(console, PARTS, "{wide_bar} {msg}, {eta}").with_message("inspecting");
+    /// Inspects the state and draws it; after an interruption, returns what is known by then.
+    fn inspect(
+        &self,
+        console: &Console,
+        scene: &Arc<LoadedScene>,
+        dt: f64,
+        par: Par,
+    ) -> Result<Result<Inspected>, Stop> {
+        let bar = console.bar(PARTS, "{wide_bar} {msg}, {eta}").with_message("inspecting");
         let (option, all, inspected) = (self.stiffness, self.all, scene.clone());
-        let (mut known, mut told) = (None, false);
-        let looked = self.threads.attend(
+        let (mut known, mut is_answered) = (None, false);
+        let inspected = self.threads.attend(
             move |tell| {
                 let LoadedScene { system, state, .. } = &*inspected;
                 let most = if all { f64::INFINITY } else { AFFORDABLE };
-                let mut onlooker = |progress: f64, found: &Inspection| tell((progress, found.clone()));
-                let inspection = Inspection::within(system, state, dt, option, par, most, &mut onlooker)?;
+                let mut observer = |progress: f64, found: &Inspection| tell((progress, found.clone()));
+                let inspection = Inspection::within(system, state, dt, option, par, most, &mut observer)?;
                 tell((1.0, inspection.clone()));
-                let images = Pictures::of(system, state, &inspection)?;
-                Ok(Looked { inspection: Some(inspection), images: Some(images) })
+                let pictures = Pictures::of(system, state, &inspection)?;
+                Ok((Some(inspection), Some(pictures)))
             },
             |(progress, found)| {
-                if !told && let Some(first) = first_answer(&found) {
+                if !is_answered && let Some(first) = first_answer(&found) {
                     bar.suspend(|| console.note(first));
-                    told = true;
+                    is_answered = true;
                 }
                 bar.set_position((progress * PARTS as f64) as u64);
                 bar.set_message(if progress < 1.0 { "inspecting" } else { "drawing" });
@@ -153,15 +151,14 @@ impl Inspect {
             },
         )?;
         bar.finish_and_clear();
-        // What was known when the wait ended is known without the picture that takes longest.
-        Ok(looked.unwrap_or_else(|| Ok(Looked { inspection: known.map(Inspection::without_curve), images: None })))
+        // Without the picture that takes longest.
+        Ok(inspected.unwrap_or_else(|| Ok((known.map(Inspection::without_curve), None))))
     }
 
-    /// Follows as many steps as asked for, looking at the state before each and after the last.
-    fn arrive(&self, console: &Console, scene: &mut LoadedScene, dt: f64) -> Result<Arrival> {
-        let mut arrival = Arrival { steps: 0, losses: None, failure: None };
+    /// Follows the given number of steps, and examines every state.
+    fn follow(&self, console: &Console, scene: &mut LoadedScene, dt: f64) -> Result<Followed> {
         if self.steps == 0 {
-            return Ok(arrival);
+            return Ok(Followed::default());
         }
         let LoadedScene { system, state, .. } = scene;
         let mut follower = Follower::new(system, state, self.stiffness, dt, parallelism(system))?;
@@ -170,32 +167,30 @@ impl Inspect {
             collapsed = follower.look(step, state).err();
             if collapsed.is_none() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         })?;
-        if let Some(spring) = collapsed {
-            return Err(spring.into());
+        match collapsed {
+            Some(spring) => Err(spring.into()),
+            None => Ok(Followed {
+                steps: outcome.steps,
+                losses: Some(follower.first_losses().clone()),
+                failure: outcome.end.err(),
+            }),
         }
-        arrival.steps = outcome.steps;
-        arrival.losses = Some(follower.first_losses().clone());
-        arrival.failure = outcome.end.err();
-        Ok(arrival)
     }
 }
 
-/// What was found, and its pictures.
-struct Looked {
-    inspection: Option<Inspection>,
-    images: Option<Pictures>,
-}
+/// The results of an inspection, as far as they are known.
+type Inspected = (Option<Inspection>, Option<Pictures>);
 
-/// Parts of the bar.
+/// The parts in which the progress bar counts.
 const PARTS: u64 = 1000;
 
-fn write(folder: &Path, claimed: &OutputFolder, page: &str, images: &Pictures) -> Result<()> {
-    AtomicFile::write(folder.join("inspect.html"), |file| file.write_all(page.as_bytes()))?;
-    let pictures = pictures(images);
-    for (name, svg) in &pictures {
-        AtomicFile::write(folder.join(name), |file| file.write_all(svg.as_bytes()))?;
+fn write(folder: &Path, claimed: &OutputFolder, page: &str, pictures: &Pictures) -> Result<()> {
+    AtomicFile::write_text(folder.join("inspect.html"), page)?;
+    let drawn = sprung::report::inspection::pictures(pictures);
+    for (name, svg) in &drawn {
+        AtomicFile::write_text(folder.join(name), svg)?;
     }
-    // Pictures of an earlier inspection that this one has none of.
-    let drawn: Vec<&str> = pictures.iter().map(|(name, _)| *name).collect();
-    FILES[1..].iter().filter(|name| !drawn.contains(name)).try_for_each(|name| claimed.remove(name))
+    // Pictures of an earlier inspection that this one does not replace.
+    let is_older = |name: &&&str| drawn.iter().all(|(drawn, _)| drawn != *name);
+    FILES[1..].iter().filter(is_older).try_for_each(|name| claimed.remove(name))
 }

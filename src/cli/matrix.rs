@@ -1,16 +1,14 @@
 //! `sprung matrix`: the linear system of a step as Matrix Market files.
 
-use super::common::{LoadedScene, SceneFile, Threads, check_writable};
-use super::console::{Console, error};
-use super::number::number;
-use super::start::{At, advance};
-use super::values::{choice, positive, whole};
-use super::{Exit, Stop, interrupt};
-use serde::Serialize;
+use super::common::{At, LoadedScene, SceneFile, advance, choice, claim, positive, whole};
+use super::console::{Console, number};
+use super::threads::{Threads, end_in_order, is_interrupted};
+use super::{Exit, Stop};
+use serde_json::json;
 use sprung::assembly::SymmetricMatrix;
 use sprung::integrate::{Outcome, StepMatrices};
 use sprung::output::{write_dofs, write_symmetric, write_vector};
-use sprung::{Result, State, Stiffness};
+use sprung::{Result, Stiffness};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -39,8 +37,7 @@ pub struct Matrix {
     at: At,
 
     /// Which part of every spring's stiffness enters K and A
-    #[arg(long, value_name = "OPTION", default_value = "full")]
-    #[arg(value_parser = choice(&Stiffness::ALL, Stiffness::name, describe_stiffness))]
+    #[arg(long, value_name = "OPTION", default_value = "full", value_parser = choice(&STIFFNESSES, Stiffness::name))]
     stiffness: Stiffness,
 
     #[command(flatten)]
@@ -51,63 +48,36 @@ pub struct Matrix {
     out: Option<PathBuf>,
 }
 
-fn describe_stiffness(option: Stiffness) -> &'static str {
-    match option {
-        Stiffness::Full => "the exact stiffness; A may be indefinite when springs are compressed",
-        Stiffness::Tension => "drop the transverse terms of compressed springs; A is positive definite",
-        Stiffness::Axial => "drop all transverse terms; A is positive definite",
-    }
-}
+const STIFFNESSES: [(Stiffness, &str); 3] = [
+    (Stiffness::Full, "the exact stiffness; A may be indefinite when springs are compressed"),
+    (Stiffness::Tension, "drop the transverse terms of compressed springs; A is positive definite"),
+    (Stiffness::Axial, "drop all transverse terms; A is positive definite"),
+];
 
 const FILES: [&str; 6] = ["A.mtx", "M.mtx", "G.mtx", "K.mtx", "b.mtx", "dofs.csv"];
-
-/// The result as JSON.
-#[derive(Serialize)]
-struct Report<'a> {
-    scene: &'a str,
-    /// Of the state, in s.
-    time: f64,
-    dt: f64,
-    stiffness: &'static str,
-    particles: usize,
-    springs: usize,
-    dofs: usize,
-    /// Entries of the lower triangles that are not zero.
-    entries: Entries,
-    out: &'a Path,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "UPPERCASE")]
-struct Entries {
-    a: usize,
-    m: usize,
-    g: usize,
-    k: usize,
-}
 
 impl Matrix {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let mut scene = self.at.place(self.scene.load(console)?)?;
         let dt = scene.step_or_default(console, self.dt);
         if self.steps > 0 {
-            interrupt::keep();
+            end_in_order();
         }
         let matrices = self.threads.install(|| {
-            self.arrive(console, &mut scene, dt)?;
-            Ok(StepMatrices::assemble(&scene.system, &scene.state, self.stiffness, dt)
-                .map_err(|error| error.in_file(&scene.file))?)
+            self.advance(console, &mut scene, dt)?;
+            let matrices = StepMatrices::assemble(&scene.system, &scene.state, self.stiffness, dt);
+            Ok(matrices.map_err(|error| error.in_file(&scene.file))?)
         })?;
         if let Some(name) = not_finite(&matrices) {
-            error(format_args!("{name} has entries that are not finite numbers (dt = {dt:?} s)"));
-            return Ok(Exit::Failed);
+            let message = format!("{name} has entries that are not finite numbers (dt = {dt:?} s)");
+            return Err(Stop::Computation(message));
         }
         let folder = scene.folder(&self.out);
-        interrupt::keep();
-        let _claimed = check_writable(&folder, &FILES)?;
+        end_in_order();
+        let _claimed = claim(&folder, &FILES, false)?;
         let how = format!("t = {:?} s, dt = {dt:?} s, stiffness {}", scene.state.time, self.stiffness.name());
         let written = write(&folder, &scene, &matrices, &how);
-        if interrupt::is_requested() {
+        if is_interrupted() {
             return Err(Stop::Computation("interrupted: not every matrix was written".into()));
         }
         written.map_err(Stop::Broken)?;
@@ -115,15 +85,15 @@ impl Matrix {
         Ok(Exit::Done)
     }
 
-    /// Goes as many steps as asked for.
-    fn arrive(&self, console: &Console, scene: &mut LoadedScene, dt: f64) -> Result<(), Stop> {
+    /// Advances the scene by the given number of steps.
+    fn advance(&self, console: &Console, scene: &mut LoadedScene, dt: f64) -> Result<(), Stop> {
         if self.steps == 0 {
             return Ok(());
         }
         let LoadedScene { file, system, state, .. } = scene;
-        let every = |_, _: &State| ControlFlow::Continue(());
-        let arrived = advance(console, (system, state), (dt, self.steps), "on the way", every);
-        match arrived.map_err(|error| error.in_file(file))? {
+        let outcome =
+            advance(console, (system, state), (dt, self.steps), "on the way", |_, _| ControlFlow::Continue(()));
+        match outcome.map_err(|error| error.in_file(file))? {
             Outcome { end: Ok(ControlFlow::Continue(())), .. } => Ok(()),
             Outcome { end: Ok(ControlFlow::Break(())), steps } => {
                 Err(Stop::Computation(format!("interrupted after step {steps}: no matrix was written")))
@@ -144,44 +114,39 @@ impl Matrix {
         dt: f64,
         folder: &Path,
     ) -> Result<(), Stop> {
-        let entries = |matrix: &SymmetricMatrix| nonzeros(matrix).count();
-        let report = Report {
-            scene: &scene.name,
-            time: scene.state.time,
-            dt,
-            stiffness: self.stiffness.name(),
-            particles: scene.system.particles(),
-            springs: scene.system.springs().len(),
-            dofs: scene.system.dofs().len(),
-            entries: Entries {
-                a: entries(&matrices.a),
-                m: matrices.m.len(),
-                g: entries(&matrices.g),
-                k: entries(&matrices.k),
-            },
-            out: folder,
-        };
+        let LoadedScene { name, system, state, .. } = scene;
+        let [a, g, k] = [&matrices.a, &matrices.g, &matrices.k].map(|matrix| nonzeros(matrix).count());
+        let report = json!({
+            "scene": name,
+            "time": state.time,
+            "dt": dt,
+            "stiffness": self.stiffness.name(),
+            "particles": system.particles(),
+            "springs": system.springs().len(),
+            "dofs": system.dofs().len(),
+            // Nonzero entries of the lower triangles.
+            "entries": {"A": a, "M": matrices.m.len(), "G": g, "K": k},
+            "out": folder.display().to_string(),
+        });
         let text = format!(
-            "{} at t = {} s: {} degrees of freedom, {} entries in the lower triangle of A\n\
+            "{name} at t = {} s: {} degrees of freedom, {a} entries in the lower triangle of A\n\
              A.mtx, M.mtx, G.mtx, K.mtx, b.mtx and dofs.csv are in {}",
-            report.scene,
-            number(report.time),
-            report.dofs,
-            report.entries.a,
+            number(state.time),
+            system.dofs().len(),
             folder.display(),
         );
         console.result(&report, text)
     }
 }
 
-/// The name of the first part of the linear system that is not made of finite numbers.
+/// The name of the first part of the linear system that is not finite.
 fn not_finite(matrices: &StepMatrices) -> Option<&'static str> {
     let StepMatrices { a, m, g, k, b } = matrices;
     let parts = [("M", m.as_slice()), ("G", g.values()), ("K", k.values()), ("A", a.values()), ("b", b)];
     parts.into_iter().find(|(_, values)| !values.iter().all(|value| value.is_finite())).map(|(name, _)| name)
 }
 
-/// The entries that a file holds: by the format's definition those that are not zero.
+/// The entries of a file: by the format's definition the nonzero ones.
 fn nonzeros(matrix: &SymmetricMatrix) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
     matrix.iter().filter(|&(_, _, value)| value != 0.0)
 }
@@ -189,8 +154,8 @@ fn nonzeros(matrix: &SymmetricMatrix) -> impl Iterator<Item = (usize, usize, f64
 fn write(folder: &Path, scene: &LoadedScene, matrices: &StepMatrices, how: &str) -> Result<()> {
     let matrix = |name: &str, meaning: &str, matrix: &SymmetricMatrix| {
         let comment = format!("{meaning}; {how}\nrows and columns as in dofs.csv");
-        // One that ends too soon is no file.
-        let entries = nonzeros(matrix).take_while(|_| !interrupt::is_requested());
+        // An interruption makes the file fail for want of entries.
+        let entries = nonzeros(matrix).take_while(|_| !is_interrupted());
         write_symmetric(folder.join(name), &comment, matrix.dofs().len(), nonzeros(matrix).count(), entries)
     };
     matrix("A.mtx", "A = M/dt^2 - G/dt - K, in N/m", &matrices.a)?;

@@ -1,28 +1,18 @@
-//! The command line: arguments, progress and exit statuses. One file per command.
+//! The command line: arguments, progress and exit statuses.
 
-mod answer;
+mod accuracy;
 mod chart;
 mod common;
-mod completions;
 mod console;
-mod diagnostics;
-mod failure;
 mod files;
 mod inspect;
-mod interrupt;
-mod man;
 mod matrix;
 mod method;
-mod new;
-mod number;
 mod parts;
-mod recorder;
-mod resume;
+mod print;
 mod run;
-mod start;
-mod suggest;
-mod time;
-mod values;
+mod summary;
+mod threads;
 mod verify;
 mod view;
 
@@ -54,17 +44,16 @@ enum Command {
     Chart(chart::Chart),
     Verify(verify::Verify),
     View(view::View),
-    New(new::New),
-    Completions(completions::Completions),
-    Man(man::Man),
+    New(print::New),
+    Completions(print::Completions),
+    Man(print::Man),
 }
 
-/// How a command ended that could start.
+/// The end of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Exit {
-    /// It did what was asked.
     Done,
-    /// It computed, and the computation failed.
+    /// The computation ran and failed.
     Failed,
 }
 
@@ -85,20 +74,20 @@ impl From<Error> for Stop {
     }
 }
 
-/// The arguments, or the end of the program with what is wrong with them, in colour or not as they ask for it.
+/// The arguments; exits with a message where they are wrong, in colour if they ask for it.
 fn arguments() -> Arguments {
-    let asked = console::asked_colour(std::env::args());
-    console::colour(asked);
-    let program = Arguments::command().color(asked);
+    let color = console::requested_color(std::env::args());
+    console::set_color(color);
+    let program = Arguments::command().color(color);
     let matches = program.clone().try_get_matches();
-    let matches = matches.unwrap_or_else(|error| suggest::suggesting(error, &program).exit());
+    let matches = matches.unwrap_or_else(|error| console::with_suggestion(error, &program).exit());
     Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
 }
 
-/// Runs the command that the arguments ask for; returns the exit status.
+/// Runs the command of the arguments; returns the exit status.
 pub fn main() -> ExitCode {
     let Arguments { console, command } = arguments();
-    console::colour(console.color);
+    console::set_color(console.color);
     let outcome = match command {
         Command::Run(run) => run.execute(&console),
         Command::Matrix(matrix) => matrix.execute(&console),
@@ -110,20 +99,13 @@ pub fn main() -> ExitCode {
         Command::Completions(completions) => completions.execute(),
         Command::Man(man) => man.execute(),
     };
-    match outcome {
-        Ok(Exit::Done) => ExitCode::SUCCESS,
-        Ok(Exit::Failed) => ExitCode::from(1),
-        Err(Stop::Computation(message)) => {
-            console::error(message);
-            ExitCode::from(1)
-        }
-        Err(Stop::Broken(error)) => {
-            console::error(error);
-            ExitCode::from(1)
-        }
-        Err(Stop::Unusable(error)) => {
-            console::error(error);
-            ExitCode::from(2)
-        }
-    }
+    let (status, message) = match outcome {
+        Ok(Exit::Done) => return ExitCode::SUCCESS,
+        Ok(Exit::Failed) => return ExitCode::from(1),
+        Err(Stop::Computation(message)) => (1, message),
+        Err(Stop::Broken(error)) => (1, error.to_string()),
+        Err(Stop::Unusable(error)) => (2, error.to_string()),
+    };
+    console::error(message);
+    ExitCode::from(status)
 }

@@ -1,38 +1,38 @@
-//! A run in parts: from one checkpoint to the next.
+//! A run in parts, from one checkpoint to the next, and its continuation with `--resume`.
 //!
-//! Every part begins from a state alone, with a stepper of its own; so it makes no difference whether the part before was done by the
-//! same process. A run without checkpoints is one part.
+//! Every part begins from a state alone, with a stepper of its own, so that it makes no difference whether the same process ran the part
+//! before. A run without checkpoints is one part.
 
-use super::recorder::Recorder;
+use super::console::{Console, number};
+use super::files::Recorder;
+use super::threads::is_interrupted;
 use sprung::integrate::{Monitor, MonitorOptions, Outcome, Schedule, Statistics, Status};
 use sprung::output::{Checkpoint, rows};
 use sprung::plan::{Plan, Stepper};
-use sprung::{Result, State, System};
+use sprung::{Error, Result, State, System};
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
-use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// What all parts have in common.
+/// The common settings of all parts.
 pub struct Parts<'s> {
     pub system: &'s System,
-    /// The state that the run began with.
+    /// The initial state of the run.
     pub start: &'s State,
     pub plan: &'s Plan,
     pub schedule: &'s Schedule,
     pub monitor: MonitorOptions,
-    pub interrupted: &'s AtomicBool,
     pub checkpoints: Option<Checkpoints<'s>>,
 }
 
-/// When checkpoints are written, and where.
+/// The interval and folder of checkpoints.
 pub struct Checkpoints<'s> {
     pub every: NonZeroU64,
     pub folder: &'s Path,
     /// The run's fingerprint.
     pub run: String,
-    /// What depends on its length.
+    /// Options that depend on its length.
     pub length: String,
 }
 
@@ -45,46 +45,32 @@ pub struct Ended<'s> {
     pub wall_seconds: f64,
 }
 
-/// How far a run is.
-#[derive(Default)]
-struct Reached {
-    /// Of the schedule.
-    steps: u64,
-    /// Really done, where they are adaptive.
-    accepted: u64,
-    statistics: Statistics,
-    wall_seconds: f64,
-}
-
 impl<'s> Parts<'s> {
-    /// Why the run cannot go on from a checkpoint, if it cannot.
-    pub fn obstacle(&self, found: &Checkpoint) -> Option<&'static str> {
+    /// The reason why the run cannot continue from a checkpoint, if it cannot.
+    fn obstacle(&self, found: &Checkpoint) -> Option<&'static str> {
         let ours = self.checkpoints.as_ref()?;
         if found.run != ours.run || found.every != ours.every.get() || found.positions.len() != self.system.particles()
         {
             return Some("its checkpoint is of another run");
         }
+        if found.length != ours.length && self.plan.rtol.is_some() {
+            return Some("its adaptive steps depend on the length of the run");
+        }
         if found.length != ours.length {
-            return Some(match self.plan.rtol {
-                Some(_) => "its adaptive steps depend on the length of the run",
-                None => {
-                    "its frames are as far apart as the length of the run makes them (with --frames N they are not)"
-                }
-            });
+            return Some(
+                "its frames are as far apart as the length of the run makes them (with --frames N they are not)",
+            );
         }
         (found.reached >= self.schedule.len()).then_some("its checkpoint is not before the end of this run")
     }
 
-    /// Whether the end of the run is also a place of checkpoints of every longer one, with the same bits.
+    /// Whether every longer run has a checkpoint at the end of this one, with the same bits.
     fn ends_on_longer_runs(&self, every: NonZeroU64) -> bool {
         let Self { schedule, plan, .. } = self;
         plan.rtol.is_none() && schedule.ends_with_whole_step() && schedule.len().is_multiple_of(every.get())
     }
 
-    /// A monitor for the part that begins at a state, and a stepper.
-    ///
-    /// # Errors
-    /// Coincident ends of a spring; a matrix that is too large.
+    /// The monitor and the stepper of the part that begins at a state.
     pub fn begin(&self, from: Option<&Checkpoint>, state: &State) -> Result<(Monitor<'s>, Stepper<'s>)> {
         let monitor = match from {
             None => Monitor::new(self.system, state, self.monitor)?,
@@ -96,63 +82,55 @@ impl<'s> Parts<'s> {
         Ok((monitor, self.plan.stepper(self.system, state)?))
     }
 
-    /// Runs to the end, or to what comes before it, from the beginning or from a checkpoint, with the monitor and the stepper of the
-    /// first part.
-    ///
-    /// # Errors
-    /// A file that cannot be written; a matrix that does not fit the memory any more.
+    /// Runs from the beginning or a checkpoint to the end, a failure or an interruption, with the monitor and the stepper of the first part.
     pub fn run(
         &self,
-        from: Option<Checkpoint>,
+        mut from: Option<Checkpoint>,
         (mut monitor, mut stepper): (Monitor<'s>, Stepper<'s>),
         state: &mut State,
         recorder: &mut Recorder,
     ) -> Result<Ended<'s>> {
         let Self { system, schedule, plan, .. } = *self;
-        let clock = Instant::now();
-        let mut reached = from.map_or_else(Reached::default, |checkpoint| Reached {
-            steps: checkpoint.reached,
-            accepted: checkpoint.steps,
-            statistics: checkpoint.statistics,
-            wall_seconds: checkpoint.wall_seconds,
-        });
+        let mut clock = Instant::now();
         loop {
-            let part = self.checkpoints.as_ref().map_or(*schedule, |c| schedule.part(reached.steps, c.every.get()));
+            let reached = from.as_ref().map_or(0, |checkpoint| checkpoint.reached);
+            let part = self.checkpoints.as_ref().map_or(*schedule, |c| schedule.part(reached, c.every.get()));
             let mut unwritten = None;
             let mut outcome = stepper.run(system, state, &part, &mut monitor, |number, state, monitor| {
                 unwritten = recorder.record(system, state, number, monitor).err();
-                if unwritten.is_some() || self.interrupted.load(Ordering::Relaxed) {
-                    return ControlFlow::Break(());
-                }
-                ControlFlow::Continue(())
+                let stops = unwritten.is_some() || is_interrupted();
+                if stops { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             });
             if let Some(error) = unwritten {
                 return Err(error);
             }
-            if plan.rtol.is_some() {
-                outcome.steps += reached.accepted;
-                if let Err(failed) = &mut outcome.end {
-                    failed.step += reached.accepted;
+            let (mut statistics, mut wall_seconds) = (*stepper.get().statistics(), clock.elapsed().as_secs_f64());
+            clock = Instant::now();
+            if let Some(before) = &from {
+                statistics.add(&before.statistics);
+                wall_seconds += before.wall_seconds;
+                // Adaptive steps are counted anew in every part.
+                if plan.rtol.is_some() {
+                    outcome.steps += before.steps;
+                    if let Err(failed) = &mut outcome.end {
+                        failed.step += before.steps;
+                    }
                 }
             }
-            let mut statistics = *stepper.get().statistics();
-            statistics.add(&reached.statistics);
-            let wall_seconds = reached.wall_seconds + clock.elapsed().as_secs_f64();
             let is_last = part.len() >= schedule.len();
-            let is_kept = |c: &&Checkpoints| {
+            let is_due = |c: &&Checkpoints| {
                 outcome.status() == Status::Completed && (!is_last || self.ends_on_longer_runs(c.every))
             };
-            let Some(checkpoints) = self.checkpoints.as_ref().filter(is_kept) else {
+            let Some(checkpoints) = self.checkpoints.as_ref().filter(is_due) else {
                 return Ok(Ended { stepper, monitor, outcome, statistics, wall_seconds });
             };
-            reached = Reached { steps: part.len(), accepted: outcome.steps, statistics, ..reached };
             let (energies, frames) = recorder.position()?;
             let checkpoint = Checkpoint {
                 run: checkpoints.run.clone(),
                 length: checkpoints.length.clone(),
                 every: checkpoints.every.get(),
-                reached: reached.steps,
-                steps: reached.accepted,
+                reached: part.len(),
+                steps: outcome.steps,
                 time: state.time,
                 positions: rows(&state.positions),
                 velocities: rows(&state.velocities),
@@ -167,11 +145,84 @@ impl<'s> Parts<'s> {
                 return Ok(Ended { stepper, monitor, outcome, statistics, wall_seconds });
             }
             (monitor, stepper) = self.begin(Some(&checkpoint), state)?;
-            // The last step's request to stop is answered here: with everything in the checkpoint.
-            if self.interrupted.load(Ordering::Relaxed) {
-                let outcome = Outcome { steps: reached.accepted, end: Ok(ControlFlow::Break(())) };
+            // An interruption in the last step ends the run here, with everything in the checkpoint.
+            if is_interrupted() {
+                let outcome = Outcome { steps: checkpoint.steps, end: Ok(ControlFlow::Break(())) };
                 return Ok(Ended { stepper, monitor, outcome, statistics, wall_seconds });
             }
+            from = Some(checkpoint);
         }
     }
+}
+
+/// The results in an output folder before a run.
+pub struct Earlier {
+    folder: PathBuf,
+    /// A sentence on the run of the folder's summary.
+    run: Option<String>,
+    /// The checkpoint, where the run is to be resumed.
+    checkpoint: Option<Checkpoint>,
+    /// The run of the checkpoint came to its end.
+    is_finished: bool,
+}
+
+impl Earlier {
+    pub fn of(folder: &Path, resume: bool) -> Result<Self> {
+        let unfinished = if resume { Checkpoint::read(folder)? } else { None };
+        let is_finished = resume && unfinished.is_none();
+        let checkpoint = if is_finished { Checkpoint::read_finished(folder)? } else { unfinished };
+        Ok(Self { folder: folder.into(), run: earlier_run(folder), checkpoint, is_finished })
+    }
+
+    /// Steps between checkpoints.
+    pub fn every(&self) -> Option<NonZeroU64> {
+        NonZeroU64::new(self.checkpoint.as_ref()?.every)
+    }
+
+    /// The checkpoint to continue from, if that is requested and possible; notes what happens to the earlier run. An error for an
+    /// unfinished checkpoint of another run, and for none where this run writes none.
+    pub fn checkpoint(self, console: &Console, resume: bool, parts: &Parts) -> Result<Option<Checkpoint>> {
+        let Self { folder, run, checkpoint, is_finished } = self;
+        let folder = folder.display();
+        let Some(found) = checkpoint else {
+            match run {
+                Some(run) if resume => console.note(format_args!(
+                    "{run} and left nothing to go on from, as it wrote no checkpoint: this run starts again"
+                )),
+                Some(run) => console.note(format_args!("{run}: this run replaces its files")),
+                None if resume && parts.checkpoints.is_none() => {
+                    return Err(Error::Usage(format!("{folder}: no checkpoint to resume from: give --checkpoint N")));
+                }
+                None => {}
+            }
+            return Ok(None);
+        };
+        let run = run.unwrap_or_else(|| format!("{folder}: a run ended here"));
+        let (step, time) = (found.reached, number(found.time));
+        match parts.obstacle(&found) {
+            None if is_finished => {
+                console.note(format_args!("{run}: this run goes on from its checkpoint at step {step}, t = {time} s"))
+            }
+            None => {}
+            Some(why) if is_finished => {
+                console.note(format_args!("{run}; {why}: this run starts again"));
+                return Ok(None);
+            }
+            Some(why) => {
+                return Err(Error::Usage(format!(
+                    "{folder}: {why}: give the scene and the arguments of the run that wrote it, or leave out --resume"
+                )));
+            }
+        }
+        Ok(Some(found))
+    }
+}
+
+/// A sentence on the run whose summary is in a folder, if one can be read.
+fn earlier_run(folder: &Path) -> Option<String> {
+    let text = std::fs::read_to_string(folder.join("summary.json")).ok()?;
+    let summary: serde_json::Value = serde_json::from_str(&text).ok()?;
+    let text = |key: &str| summary.get(key)?.as_str();
+    let (method, status, time) = (text("method")?, text("status")?, number(summary.get("time")?.as_f64()?));
+    Some(format!("{}: a run by {method} ended here, {status} at t = {time} s", folder.display()))
 }

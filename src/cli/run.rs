@@ -1,31 +1,26 @@
 //! `sprung run`: simulate a scene.
 
-use super::answer::AccuracyCommand;
-use super::common::{LoadedScene, SceneFile, Threads, claim};
-use super::console::{Console, error, help, warning};
-use super::diagnostics::doubts;
-use super::failure::Failed;
-use super::files::{FILES, Files, text};
-use super::method::{MethodArguments, repeat};
-use super::number::{count, number};
-use super::parts::{Checkpoints, Ended, Parts};
-use super::recorder::Recorder;
-use super::resume::Earlier;
-use super::start::At;
-use super::values::{positive, positive_count, whole};
-use super::view;
-use super::{Exit, Stop, interrupt};
+use super::accuracy::AccuracyCommand;
+use super::common::{At, LoadedScene, SceneFile, claim, positive, positive_count, whole};
+use super::console::{Console, count, error, help, number, warning};
+use super::files::{FILES, Files, Recorder};
+use super::method::{MethodArguments, arguments_of};
+use super::parts::{Checkpoints, Earlier, Ended, Parts};
+use super::summary::SummaryText;
+use super::threads::{Threads, end_in_order};
+use super::{Exit, Stop};
 use sprung::accuracy::AccuracyOptions;
+use sprung::inspect::Inspection;
 use sprung::integrate::{Schedule, Status, StiffnessPolicy};
 use sprung::output::{
-    Checkpoint, ChoiceReport, EnergyLog, FailureReport, OutputFolder, Ran, Summary, WAITING, clear_frames,
-    clear_frames_after, fingerprint, write_final_state,
+    Checkpoint, ChoiceReport, EnergyLog, FailedStep, FailureReport, Frames, OutputFolder, RunRecord, Summary, WAITING,
+    clear_frames, clear_frames_after, fingerprint, write_final_state,
 };
-use sprung::plan::{DEFAULT_STEP, Plan, records_every};
-use sprung::{Error, Result, System};
+use sprung::plan::{DEFAULT_STEP, Plan, parallelism, records_every};
+use sprung::report::inspection::explain;
+use sprung::{Error, Result, State, System};
 use std::num::NonZeroU64;
-use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
+use std::path::{Path, PathBuf};
 
 /// Simulate a scene
 ///
@@ -71,7 +66,7 @@ pub struct Run {
     no_error_estimate: bool,
 
     /// Write a checkpoint every N steps, from which --resume goes on. Solvers forget what they have learnt at each of them
-    #[arg(long, value_name = "N", value_parser = positive_count)]
+    #[arg(long, value_name = "N", value_parser = positive_count::<NonZeroU64>)]
     checkpoint: Option<NonZeroU64>,
 
     /// Go on in the output folder from its last checkpoint: every file in the end is that of a run that nothing interrupted, with
@@ -89,42 +84,29 @@ pub struct Run {
     out: Option<PathBuf>,
 }
 
-/// What is to be run and how.
-struct Prepared {
-    schedule: Schedule,
-    plan: Plan,
-    choice: Option<ChoiceReport>,
-}
-
-/// Steps of fixed length, or the interval of records and the tolerance of adaptive ones.
+/// Fixed steps, or the interval of records and the tolerance of adaptive ones.
 struct Pacing {
     schedule: Schedule,
     rtol: Option<f64>,
-    /// Whether steps are adaptive because no dt was given.
-    is_chosen: bool,
+    /// Steps are adaptive because no dt was given.
+    has_no_dt: bool,
 }
 
 impl Run {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let scene = self.at.place(self.scene.load(console)?)?;
-        let accuracy = self.accuracy_options(&scene)?;
-        if accuracy.is_some() && self.checkpoint.is_some() {
-            console.note("--checkpoint has no effect with --accuracy");
-        }
-        let pace = if accuracy.is_none() { Some(self.pace(console, &scene)?) } else { None };
-        self.method.note_unused(console, pace.as_ref().and_then(|pace| pace.rtol));
-        let interrupted = interrupt::flag();
-        let summary = self.threads.install(|| match (accuracy, pace) {
-            (Some(options), _) => {
-                let folder = scene.folder(&self.out);
-                AccuracyCommand { files: &self.files, options, folder, interrupted }.answer(console, &scene)
+        let summary = if let Some(options) = self.accuracy_options(&scene)? {
+            if self.checkpoint.is_some() {
+                console.note("--checkpoint has no effect with --accuracy");
             }
-            (None, Some(pace)) => {
-                let prepared = self.prepare(&scene, pace)?;
-                self.simulate(console, scene, prepared, interrupted)
-            }
-            (None, None) => Err(Error::Usage("neither steps nor an accuracy are given".into()).into()),
-        })?;
+            self.method.note_unused(console, None);
+            let command = AccuracyCommand { files: &self.files, options, folder: scene.folder(&self.out) };
+            self.threads.install(|| command.execute(console, &scene))?
+        } else {
+            let pacing = self.pacing(console, &scene)?;
+            self.method.note_unused(console, pacing.rtol);
+            self.threads.install(|| self.simulate(console, &scene, pacing))?
+        };
         if summary.statistics.indefinite_solves > 0 {
             let solves = count(summary.statistics.indefinite_solves, "solve");
             console.note(format_args!("A was indefinite in {solves}: the motion may look right and be wrong"));
@@ -132,61 +114,10 @@ impl Run {
         Ok(if summary.status == Status::Completed { Exit::Done } else { Exit::Failed })
     }
 
-    /// How long the steps are, and for how long. A number of steps asks for steps of one length.
-    fn pace(&self, console: &Console, scene: &LoadedScene) -> Result<Pacing> {
-        let adaptive = if self.steps.is_some() {
-            self.method.run_options().rtol
-        } else {
-            self.method.run_options().rtol_without_step()
-        };
-        let asked = self.method.run_options().rtol.is_some();
-        let given = self.dt.or(scene.time.dt.filter(|_| !asked));
-        if let (Some(dt), true, None) = (scene.time.dt, asked, self.dt) {
-            let dt = number(dt);
-            console.note(format_args!("--rtol: steps are adaptive; the scene's dt of {dt} s is not used"));
-        }
-        if let (None, Some(rtol)) = (given, adaptive) {
-            let duration = match self.steps {
-                Some(steps) => steps as f64 * DEFAULT_STEP,
-                None => scene.or_given(self.duration, scene.time.duration, "duration")?,
-            };
-            // A motion without a length is its start alone.
-            let interval = if duration > 0.0 { records_every(duration) } else { DEFAULT_STEP };
-            return Ok(Pacing { schedule: scene.schedule(interval, duration)?, rtol: Some(rtol), is_chosen: !asked });
-        }
-        let duration = |dt| -> Result<Schedule> {
-            scene.schedule(dt, scene.or_given(self.duration, scene.time.duration, "duration")?)
-        };
-        let dt = self.dt.or(scene.time.dt);
-        // What is missing altogether is said before what is put in its place.
-        let schedule = self.steps.map_or_else(
-            || duration(dt.unwrap_or(DEFAULT_STEP)),
-            |steps| {
-                let dt = dt.unwrap_or(DEFAULT_STEP);
-                scene.schedule(dt, steps as f64 * dt).map(|_| Schedule::steps(dt, steps))
-            },
-        )?;
-        scene.step_or_default(console, self.dt);
-        Ok(Pacing { schedule, rtol: self.method.run_options().rtol, is_chosen: false })
-    }
-
-    /// Decides how the scene is run.
-    fn prepare(&self, scene: &LoadedScene, pace: Pacing) -> Result<Prepared, Stop> {
-        let LoadedScene { file, system, state, .. } = scene;
-        let Pacing { schedule, rtol, is_chosen } = pace;
-        let lengths = [schedule.dt(), schedule.elapsed(schedule.len())];
-        let plan = self.method.run_options().plan(system, state, lengths, rtol).map_err(|error| error.in_file(file))?;
-        let why = if is_chosen { "no dt is given: " } else { "" };
-        let steps = rtol.map(|rtol| format!("{why}adaptive steps, rtol {rtol:e}"));
-        let reasons: Vec<String> = steps.into_iter().chain(plan.reason.clone()).collect();
-        let choice =
-            (!reasons.is_empty()).then(|| ChoiceReport { rtol, ..ChoiceReport::of_preset(reasons.join("; ")) });
-        Ok(Prepared { schedule, plan, choice })
-    }
-
-    /// The accuracy that is required, if one is. The answer is recorded at multiples of dt, where there is one.
+    /// The required accuracy, if any. The answer is recorded at multiples of dt, where there is one.
     fn accuracy_options(&self, scene: &LoadedScene) -> Result<Option<AccuracyOptions>> {
-        if self.method.run_options().accuracy.is_none() {
+        let options = self.method.run_options();
+        if options.accuracy.is_none() {
             return Ok(None);
         }
         if self.resume {
@@ -195,75 +126,85 @@ impl Run {
         let duration = scene.motion_length(self.duration, "--accuracy")?;
         let interval = self.dt.or(scene.time.dt).unwrap_or(records_every(duration));
         scene.schedule(interval, duration)?;
-        Ok(self.method.run_options().accuracy_options(&scene.system, duration, interval))
+        Ok(options.accuracy_options(&scene.system, duration, interval))
+    }
+
+    fn pacing(&self, console: &Console, scene: &LoadedScene) -> Result<Pacing> {
+        let options = self.method.run_options();
+        let is_adaptive = options.rtol.is_some();
+        let duration = || scene.or_given(self.duration, scene.time.duration, "duration");
+        if let (Some(dt), true, None) = (scene.time.dt, is_adaptive, self.dt) {
+            let dt = number(dt);
+            console.note(format_args!("--rtol: steps are adaptive; the scene's dt of {dt} s is not used"));
+        }
+        // A number of steps asks for fixed ones.
+        let rtol = if self.steps.is_some() { options.rtol } else { options.rtol_without_step() };
+        if let (None, Some(rtol)) = (self.dt.or(scene.time.dt.filter(|_| !is_adaptive)), rtol) {
+            let duration = self.steps.map_or_else(duration, |steps| Ok(steps as f64 * DEFAULT_STEP))?;
+            let interval = if duration > 0.0 { records_every(duration) } else { DEFAULT_STEP };
+            let schedule = scene.schedule(interval, duration)?;
+            return Ok(Pacing { schedule, rtol: Some(rtol), has_no_dt: !is_adaptive });
+        }
+        let dt = self.dt.or(scene.time.dt).unwrap_or(DEFAULT_STEP);
+        let schedule = match self.steps {
+            None => scene.schedule(dt, duration()?)?,
+            Some(steps) => scene.schedule(dt, steps as f64 * dt).map(|_| Schedule::steps(dt, steps))?,
+        };
+        // Notes a default, once nothing else is missing.
+        scene.step_or_default(console, self.dt);
+        Ok(Pacing { schedule, rtol: options.rtol, has_no_dt: false })
     }
 
     /// Runs, writes and reports the results.
-    fn simulate(
-        &self,
-        console: &Console,
-        scene: LoadedScene,
-        prepared: Prepared,
-        interrupted: &AtomicBool,
-    ) -> Result<Summary, Stop> {
+    fn simulate(&self, console: &Console, scene: &LoadedScene, pacing: Pacing) -> Result<Summary, Stop> {
+        let Pacing { schedule, rtol, has_no_dt } = &pacing;
+        let LoadedScene { file, name, system, state: start, .. } = scene;
+        let lengths = [schedule.dt(), schedule.elapsed(schedule.len())];
+        let plan = self.method.run_options().plan(system, start, lengths, *rtol);
+        let plan = &plan.map_err(|error| error.in_file(file))?;
         let folder = scene.folder(&self.out);
-        let Prepared { schedule, plan, choice } = prepared;
-        let schedule = &schedule;
-        let LoadedScene { file, name, system, state: start, triangles, .. } = scene;
         let earlier = Earlier::of(&folder, self.resume)?;
         let every = self.checkpoint.or_else(|| earlier.every());
         let parts = Parts {
-            system: &system,
-            start: &start,
-            plan: &plan,
+            system,
+            start,
+            plan,
             schedule,
             monitor: plan.monitor(!self.allow_unstable, !self.no_error_estimate),
-            interrupted,
             checkpoints: every.map(|every| Checkpoints {
                 every,
                 folder: &folder,
-                run: fingerprint(&system, &start, &self.how(&plan, schedule)),
-                length: self.length(&plan, schedule, &system),
+                run: fingerprint(system, start, &self.options_text(plan, schedule)),
+                length: self.length_text(plan, schedule, system),
             }),
         };
         let from = earlier.checkpoint(console, self.resume, &parts)?;
         let mut state = from.as_ref().map_or_else(|| start.clone(), Checkpoint::state);
-        let begun = parts.begin(from.as_ref(), &state).map_err(|error| error.in_file(&file))?;
-        interrupt::keep();
+        let begun = parts.begin(from.as_ref(), &state).map_err(|error| error.in_file(file))?;
+        end_in_order();
         let claimed = claim(&folder, &FILES, self.resume)?;
-        match &from {
-            None => {
-                Checkpoint::forget(&claimed)?;
-                if self.files.frames.is_some() {
-                    clear_frames(&claimed)?;
-                }
-            }
-            Some(checkpoint) => {
-                Checkpoint::reopen(&claimed)?;
-                clear_frames_after(&claimed, checkpoint.reached)?;
-            }
-        }
-        let resumable = every.is_some();
-        let kept = view::frames(&folder, self.files.frames, self.files.view, schedule, &system, from.as_ref())?;
-        let kept = kept.map(|frames| frames.with_triangles(triangles));
-        let kept = kept.map(|frames| if resumable { frames.resumable() } else { frames });
-        let mut recorder = match &from {
-            Some(checkpoint) => Recorder::resume(console, &folder, kept, schedule, checkpoint)?,
-            None => {
-                let energies = folder.join("energy.csv");
-                let energies =
-                    if resumable { EnergyLog::create_resumable(energies)? } else { EnergyLog::create(energies)? };
-                Recorder::start(console, energies, kept, schedule, &system, &state, &begun.0)?
-            }
+        self.remove_replaced(&claimed, from.as_ref())?;
+        let frames = self.files.start_frames(&folder, schedule, scene, from.as_ref())?;
+        let is_resumable = every.is_some();
+        let energies = folder.join("energy.csv");
+        let mut recorder = Recorder {
+            energies: match &from {
+                Some(checkpoint) => EnergyLog::resume(energies, &checkpoint.energies)?,
+                None if is_resumable => EnergyLog::create_resumable(energies)?,
+                None => EnergyLog::create(energies)?,
+            },
+            frames: if is_resumable { frames.map(Frames::resumable) } else { frames },
+            progress: console.step_bar(schedule.len()),
         };
+        if from.is_none() {
+            recorder.record(system, &state, 0, &begun.0)?;
+        }
         let ended = parts.run(from, begun, &mut state, &mut recorder).map_err(Stop::Broken)?;
         let Ended { stepper, monitor, outcome, statistics, wall_seconds } = ended;
-        let status = outcome.status();
-        let (doubt, warnings) = doubts(&plan, status, &monitor.indicators(&state));
-        let ran = Ran {
-            scene: name,
-            system: &system,
-            plan: &plan,
+        let record = RunRecord {
+            scene: name.clone(),
+            system,
+            plan,
             schedule,
             stepper: stepper.get(),
             monitor: &monitor,
@@ -271,47 +212,63 @@ impl Run {
             statistics,
             state: &state,
             wall_seconds,
-            error: doubt,
-            warnings,
-            choice,
+            choice: ChoiceReport::of_plan(plan, *has_no_dt),
         };
-        let summary = ran.summary();
-        let written = recorder
-            .finish(&system)
-            .and_then(|()| write_final_state(folder.join("final.json"), &summary.scene, &system, summary.steps, &state))
-            .and_then(|()| self.files.clear_older(&claimed))
-            .and_then(|()| summary.write(folder.join("summary.json")))
-            .and_then(|()| if summary.status == Status::Completed { put_away(&claimed) } else { Ok(()) });
-        written.map_err(Stop::Broken)?;
-        if summary.status == Status::Completed {
-            claimed.tidy();
-        }
-        let names = self.files.show(&folder).map_err(Stop::Broken)?;
-        console.result(&summary, text(&summary, &folder, &names))?;
+        let summary = record.summary();
+        let names = self.finish(&claimed, recorder, system, &state, &summary).map_err(Stop::Broken)?;
+        console.result(&summary, SummaryText { summary: &summary, folder: &folder, files: &names })?;
         summary.warnings.iter().for_each(warning);
         if let Some(FailureReport { step, time, message }) = &summary.failure {
             let time = number(*time);
             error(format_args!("{} in step {step}, at t = {time} s: {message}", summary.status.name()));
         }
         if summary.status == Status::Unstable {
-            let kept = format!("step {}, t = {} s", summary.steps, number(summary.time));
-            help(format_args!("the state kept is from before that ({kept}); --allow-unstable goes on"));
+            let last = format!("step {}, t = {} s", summary.steps, number(summary.time));
+            help(format_args!("the state kept is from before that ({last}); --allow-unstable goes on"));
         }
         if summary.status == Status::Indefinite {
-            let step = schedule.step(summary.steps).unwrap_or(schedule.dt());
-            let (option, matrix_dt) = plan.failed_matrix(step);
-            let (scene, steps, repeat) = (&summary.scene, summary.steps, repeat(&plan));
-            let is_on_demand = plan.configuration.options.stiffness == StiffnessPolicy::OnDemand;
-            let failed = Failed { scene, system: &system, state: &state, steps, step, is_on_demand, repeat };
-            failed.explain(console, option, matrix_dt, &folder.join("failure")).map_err(Stop::Broken)?;
+            let dt = schedule.step(summary.steps).unwrap_or(schedule.dt());
+            let failure = folder.join("failure");
+            explain_failure(console, (system, &state), plan, &summary, dt, &failure).map_err(Stop::Broken)?;
         }
         Ok(summary)
     }
-}
 
-impl Run {
-    /// Everything but the scene that decides about the bits of the files, however long the run is.
-    fn how(&self, plan: &Plan, schedule: &Schedule) -> String {
+    /// Removes files of an earlier run that this one writes again.
+    fn remove_replaced(&self, folder: &OutputFolder, from: Option<&Checkpoint>) -> Result<()> {
+        if let Some(checkpoint) = from {
+            Checkpoint::reopen(folder)?;
+            return clear_frames_after(folder, checkpoint.reached);
+        }
+        Checkpoint::forget(folder)?;
+        if self.files.frames.is_some() { clear_frames(folder) } else { Ok(()) }
+    }
+
+    /// Completes all files; returns their names.
+    fn finish(
+        &self,
+        folder: &OutputFolder,
+        recorder: Recorder,
+        system: &System,
+        state: &State,
+        summary: &Summary,
+    ) -> Result<Vec<&'static str>> {
+        let path = folder.path();
+        recorder.finish(system)?;
+        write_final_state(path.join("final.json"), &summary.scene, system, summary.steps, state)?;
+        self.files.remove_older(folder)?;
+        summary.write(path.join("summary.json"))?;
+        if summary.status == Status::Completed {
+            // The last checkpoint stays for a longer run; its frames are in the trajectory.
+            Checkpoint::finish(folder)?;
+            folder.remove(WAITING)?;
+            folder.tidy();
+        }
+        self.files.finish(path)
+    }
+
+    /// All options, besides the scene and the length of the run, that determine the bits of the files.
+    fn options_text(&self, plan: &Plan, schedule: &Schedule) -> String {
         let Plan { configuration, rtol, .. } = plan;
         format!(
             "{configuration:?} {rtol:?} {:?} {:?} {} {} {}",
@@ -323,17 +280,41 @@ impl Run {
         )
     }
 
-    /// What of a run depends on its length: all of one that adapts its steps, whose tolerance is for the whole; else the interval of frames that was not asked for.
-    fn length(&self, plan: &Plan, schedule: &Schedule, system: &System) -> String {
-        if plan.rtol.is_some() {
-            return format!("{schedule:?}");
+    /// Options that depend on the length of the run: everything with adaptive steps, whose tolerance is for the whole run; else the
+    /// interval of frames.
+    fn length_text(&self, plan: &Plan, schedule: &Schedule, system: &System) -> String {
+        match plan.rtol {
+            Some(_) => format!("{schedule:?}"),
+            None => format!("{:?}", self.files.interval(schedule, system)),
         }
-        format!("{:?}", view::interval(self.files.frames, self.files.view, schedule, system))
     }
 }
 
-/// A run that came to its end keeps its last checkpoint, for a longer one; its frames are in the trajectory.
-fn put_away(folder: &OutputFolder) -> Result<()> {
-    Checkpoint::finish(folder)?;
-    folder.remove(WAITING)
+/// Explains a step that failed for an indefinite matrix, suggests a remedy, and writes the files to examine it.
+fn explain_failure(
+    console: &Console,
+    (system, state): (&System, &State),
+    plan: &Plan,
+    summary: &Summary,
+    dt: f64,
+    folder: &Path,
+) -> Result<()> {
+    // The inspection of a larger system takes longer than a user waits.
+    if system.dofs().len() > 200_000 {
+        console.note("the system is too large to be inspected here: see sprung inspect");
+        return Ok(());
+    }
+    let (option, matrix_dt) = plan.failed_matrix(dt);
+    let inspection = Inspection::at(system, state, matrix_dt, option, parallelism(system))?;
+    let (causes, remedy) = explain(&inspection, dt);
+    causes.into_iter().for_each(error);
+    // Other policies would have been no help to `on-demand`.
+    let is_on_demand = plan.configuration.options.stiffness == StiffnessPolicy::OnDemand;
+    remedy.filter(|_| !is_on_demand).into_iter().for_each(help);
+    let (scene, steps) = (&summary.scene, summary.steps);
+    FailedStep { scene, system, state, steps, dt, inspection: &inspection }.write(folder)?;
+    console.note(format_args!("{} has A, b and the culprits", folder.display()));
+    let command = format!("sprung run '{}' {}", folder.join("scene.toml").display(), arguments_of(plan));
+    help(format_args!("this repeats the step: {command}"));
+    Ok(())
 }

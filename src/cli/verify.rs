@@ -1,8 +1,8 @@
 //! `sprung verify`: the verification suite on scenes.
 
-use super::common::{Threads, check_writable, folder_of, read_scene};
+use super::common::{claim, folder_of, read_scene};
 use super::console::{Console, error};
-use super::recorder::bar;
+use super::threads::Threads;
 use super::{Exit, Stop};
 use serde_json::Value;
 use sprung::Error;
@@ -36,72 +36,57 @@ const FILES: [&str; 3] = ["report.html", "report.json", "junit.xml"];
 
 impl Verify {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
-        let subjects = self.subjects()?;
-        let folder = self.folder(&subjects);
-        let _claimed = check_writable(&folder, &FILES)?;
-        let (results, whole) = self.measure(Arc::new(subjects), console)?;
-        if results.checks.is_empty() && !whole {
+        let cases = self.cases()?;
+        let name = match &cases[..] {
+            [case] => &case.name,
+            _ => "verification",
+        };
+        let folder = self.out.clone().unwrap_or_else(|| folder_of(name));
+        let _claimed = claim(&folder, &FILES, false)?;
+        let (results, is_complete) = self.measure(Arc::new(cases), console)?;
+        if results.checks.is_empty() && !is_complete {
             return Err(Stop::Computation("interrupted before anything was checked".into()));
         }
         report::write(&folder, &results).map_err(Stop::Broken)?;
-        let json = report::json(&results).map_err(|source| Stop::Broken(Error::io(folder.join(FILES[1]), source)))?;
-        let json: Value = serde_json::from_str(&json)
-            .map_err(|error| Stop::Broken(Error::io(folder.join(FILES[1]), error.into())))?;
+        let broken = |source| Stop::Broken(Error::io(folder.join(FILES[1]), source));
+        let json = report::json(&results).map_err(broken)?;
+        let json: Value = serde_json::from_str(&json).map_err(|error| broken(error.into()))?;
         let text = format!("{}report: {}", report::text(&results), folder.join(FILES[0]).display());
         console.result(&json, text)?;
-        if !whole {
+        if !is_complete {
             error("interrupted: the report has the checks that were made until then");
             return Ok(Exit::Failed);
         }
         Ok(if results.all_passed() { Exit::Done } else { Exit::Failed })
     }
 
-    fn subjects(&self) -> Result<Vec<TestCase>, Error> {
+    fn cases(&self) -> Result<Vec<TestCase>, Error> {
         if self.scenes.is_empty() {
             return built_in();
         }
-        let subject = |file: &PathBuf| {
+        let case = |file: &PathBuf| {
             let (scene, source) = read_scene(file)?;
             TestCase::of_scene(&scene).map_err(|error| error.in_file(&source))
         };
-        self.scenes.iter().map(subject).collect()
+        self.scenes.iter().map(case).collect()
     }
 
-    fn folder(&self, subjects: &[TestCase]) -> PathBuf {
-        let name = match subjects {
-            [subject] => &subject.name,
-            _ => "verification",
-        };
-        self.out.clone().unwrap_or_else(|| folder_of(name))
-    }
-
-    /// Measures; where the user interrupts what has been measured until then, and `false`.
-    fn measure(&self, subjects: Arc<Vec<TestCase>>, console: &Console) -> Result<(Results, bool), Stop> {
-        let applying = |subjects: &[TestCase]| -> Vec<(usize, usize)> {
-            let applies = |&(family, subject): &(usize, usize)| (FAMILIES[family].applies)(&subjects[subject]);
-            let pairs =
-                (0..FAMILIES.len()).flat_map(|family| (0..subjects.len()).map(move |subject| (family, subject)));
-            pairs.filter(applies).collect()
-        };
-        let tasks = applying(&subjects);
-        let names: Vec<String> = tasks
-            .iter()
-            .map(|&(family, subject)| format!("{}, {}", FAMILIES[family].name, subjects[subject].name))
-            .collect();
-        let bar = bar(console, tasks.len() as u64, "{bar:30} {pos}/{len}, {eta}, {msg}");
-        let name = |number: usize| names.get(number).cloned().unwrap_or_default();
+    /// Makes all checks, or those until an interruption and `false`.
+    fn measure(&self, cases: Arc<Vec<TestCase>>, console: &Console) -> Result<(Results, bool), Stop> {
+        let pairs = FAMILIES.iter().flat_map(|family| (0..cases.len()).map(move |case| (family, case)));
+        let tasks: Vec<_> = pairs.filter(|&(family, case)| (family.applies)(&cases[case])).collect();
+        let names: Vec<String> =
+            tasks.iter().map(|&(family, case)| format!("{}, {}", family.name, cases[case].name)).collect();
+        let bar = console.bar(tasks.len() as u64, "{bar:30} {pos}/{len}, {eta}, {msg}");
+        let name = |number: u64| names.get(number as usize).cloned().unwrap_or_default();
         bar.set_message(name(0));
         let mut checks = Vec::new();
         let ended = self.threads.attend(
-            move |tell| {
-                for (family, subject) in tasks {
-                    tell(FAMILIES[family].check(&subjects[subject]));
-                }
-            },
+            move |tell| tasks.into_iter().for_each(|(family, case)| tell(family.check(&cases[case]))),
             |made: Vec<Check>| {
                 checks.extend(made);
                 bar.inc(1);
-                bar.set_message(name(bar.position() as usize));
+                bar.set_message(name(bar.position()));
             },
         )?;
         bar.finish_and_clear();

@@ -1,26 +1,40 @@
-//! Extreme eigenpairs of large symmetric matrices and pencils, with residuals that bound their errors and counts that prove that none is missing.
+//! Extreme eigenpairs of large symmetric matrices and pencils, with residuals that bound their errors and counts that prove that none
+//! is missing.
 //!
 //! ```text
 //! A φ = λ M φ,      A symmetric,  M diagonal and positive: the masses, or the identity
 //! ```
 //!
-//! There is one solver, [`BlockLanczos`], for any operator that is self-adjoint in the inner product `xᵀMy`. [`ShiftInvert`] gives it
-//! `(A − σM)⁻¹M` with a sparse factorization, and counts eigenvalues by the signs of the pivots. Where a matrix cannot be factored the
-//! solver takes A itself, with a preconditioner.
+//! There is one solver, [`BlockLanczos`], for any operator B that is self-adjoint in the inner product `⟨x, y⟩ = xᵀMy`. [`ShiftInvert`]
+//! gives it `(A − σM)⁻¹M` with a sparse factorization. Where a matrix cannot be factored the solver takes A itself, preconditioned.
 //!
-//! **Error bounds.** With `r = Aφ − λMφ` and `φᵀMφ = 1` there is an eigenvalue within `‖M^{-1/2} r‖` of λ (Parlett, The Symmetric Eigenvalue
-//! Problem, 4.5 and 15.9).
+//! **Error bounds.** With `r = Aφ − λMφ` and `φᵀMφ = 1` there is an eigenvalue within `‖M^{-1/2} r‖` of λ (Parlett, The Symmetric
+//! Eigenvalue Problem, 4.5 and 15.9).
+//!
+//! **Block Lanczos** with full reorthogonalisation, locking and thick restarts. The basis V grows by a block of vectors at a time and
+//! is kept orthonormal, `VᵀMV = I`, by two passes of Gram–Schmidt. The Rayleigh–Ritz procedure takes from `H = VᵀMBV`
+//!
+//! ```text
+//! H y = θ y,   x = V y,   r = B x − θ x,      |θ − λ| ≤ ‖r‖_M  for some eigenvalue λ of B,
+//! ```
+//!
+//! and the residuals of the pairs that have not converged extend V. As long as none has, V spans the Krylov space of the first block
+//! (Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994); converged pairs stay in V and are *locked*. A full basis is
+//! compressed to its best Ritz vectors (Wu and Simon, SIAM J. Matrix Anal. Appl. 22, 2000). A block of k finds eigenvalues up to
+//! k-fold at once; random vectors, which [`refresh`](BlockLanczos::refresh) adds, find more.
+//!
+//! **Preconditioned**, with T about B⁻¹, the vectors `T r` extend V: Davidson's method. Its space holds those of LOBPCG (Knyazev, SIAM
+//! J. Sci. Comput. 23, 2001), so that its Ritz values are no worse, step by step.
 
-mod lanczos;
 mod shift_invert;
 
-pub(crate) use lanczos::{BlockLanczos, End, Ritz, Search, Tolerance, probe};
 pub(crate) use shift_invert::{Accuracy, Pencil, ShiftInvert, eigenpair};
 pub use shift_invert::{Lowest, lowest};
 
 use crate::linear::norm;
-use rand::Rng;
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rand::rngs::Xoshiro256PlusPlus;
+use rand::{Rng, SeedableRng};
 
 /// An eigenvalue with its vector.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,6 +65,302 @@ pub(crate) fn gaussian(rng: &mut Xoshiro256PlusPlus, x: &mut [f64]) {
             *value = radius * part;
         }
     }
+}
+
+/// `Y = B X` for matrices stored by columns, up to a block of them.
+pub(crate) type Product<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
+
+/// The eigenvalues that are wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum End {
+    Lowest,
+    Highest,
+    /// The largest in magnitude.
+    Farthest,
+}
+
+impl End {
+    /// The order in which values are wanted: the smallest first.
+    pub fn rank(self, value: f64) -> f64 {
+        match self {
+            Self::Lowest => value,
+            Self::Highest => -value,
+            Self::Farthest => -value.abs(),
+        }
+    }
+
+    /// One value is wanted before another.
+    pub fn is_before(self, value: f64, other: f64) -> bool {
+        self.rank(value) < self.rank(other)
+    }
+}
+
+/// The residual at which a pair has converged: the larger of both.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Tolerance {
+    /// Relative to its |θ|.
+    pub of_value: f64,
+    /// Relative to the largest |θ|, which is about ‖B‖.
+    pub of_norm: f64,
+}
+
+/// An approximate eigenpair of B.
+#[derive(Debug, Clone)]
+pub(crate) struct Ritz {
+    pub value: f64,
+    /// x, `xᵀMx = 1`.
+    pub vector: Vec<f64>,
+    /// `Bx`: for an inverse B the vector after one more step of inverse iteration.
+    pub image: Vec<f64>,
+    /// `‖Bx − θx‖_M`.
+    pub residual: f64,
+}
+
+/// The eigenvalues wanted, and the size of the search space.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Search {
+    pub end: End,
+    /// The number of eigenvalues.
+    pub wanted: usize,
+    /// Vectors by which the basis grows at a time.
+    pub block: usize,
+    /// Vectors in the basis at most.
+    pub capacity: usize,
+}
+
+impl Search {
+    /// With room for twelve blocks beside twice the wanted vectors.
+    pub fn new(end: End, wanted: usize, block: usize) -> Self {
+        Self { end, wanted, block, capacity: 2 * wanted + 12 * block }
+    }
+}
+
+/// A search space for eigenvalues at one end of the spectrum of an operator of order n.
+pub(crate) struct BlockLanczos<'m> {
+    n: usize,
+    /// The diagonal of M; `None` for the identity.
+    masses: Option<&'m [f64]>,
+    end: End,
+    wanted: usize,
+    block: usize,
+    /// V and BV by columns, of which the first `size` count, and H.
+    basis: DMatrix<f64>,
+    products: DMatrix<f64>,
+    projected: DMatrix<f64>,
+    size: usize,
+    rng: Xoshiro256PlusPlus,
+}
+
+impl<'m> BlockLanczos<'m> {
+    /// An empty space; random vectors are drawn from the seed.
+    pub fn new(n: usize, masses: Option<&'m [f64]>, search: Search, seed: u64) -> Self {
+        let Search { end, wanted, block, capacity } = search;
+        let (wanted, block, capacity) = (wanted.min(n), block.max(1), capacity.min(n));
+        let zeros = |rows| DMatrix::zeros(rows, capacity);
+        let (basis, products, projected) = (zeros(n), zeros(n), zeros(capacity));
+        let rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+        Self { n, masses, end, wanted, block, basis, products, projected, size: 0, rng }
+    }
+
+    /// Adds start vectors.
+    pub fn start<'v>(&mut self, vectors: impl IntoIterator<Item = &'v [f64]>, apply: &mut Product<'_>) {
+        let columns: Vec<_> = vectors.into_iter().map(DVector::from_column_slice).collect();
+        if !columns.is_empty() {
+            self.extend(DMatrix::from_columns(&columns), apply);
+        }
+    }
+
+    /// Adds a block of random vectors, making room first.
+    pub fn refresh(&mut self, apply: &mut Product<'_>) {
+        if self.size > self.block && self.is_full_with(self.block) {
+            let (values, vectors) = self.ritz_pairs();
+            self.compress(&values, &vectors);
+        }
+        let mut fresh = DMatrix::zeros(self.n, self.block);
+        gaussian(&mut self.rng, fresh.as_mut_slice());
+        self.extend(fresh, apply);
+    }
+
+    /// Iterates until all wanted pairs have converged, for `longest` blocks at most, and returns them, most wanted first; at least as
+    /// many as a block has.
+    pub fn iterate(
+        &mut self,
+        tolerance: Tolerance,
+        longest: usize,
+        apply: &mut Product<'_>,
+        mut precondition: Option<&mut Product<'_>>,
+    ) -> Vec<Ritz> {
+        for step in 0.. {
+            let (values, y) = self.ritz_pairs();
+            let norm = values.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
+            let count = self.wanted.max(self.block).min(self.size);
+            let x = self.basis.columns(0, self.size) * y.columns(0, count);
+            let image = self.products.columns(0, self.size) * y.columns(0, count);
+            let mut residuals = image.clone();
+            for (k, &value) in values.iter().take(count).enumerate() {
+                residuals.column_mut(k).axpy(-value, &x.column(k), 1.0);
+            }
+            let lengths: Vec<f64> = residuals.column_iter().map(|r| self.norm(r.as_slice())).collect();
+            let Tolerance { of_value, of_norm } = tolerance;
+            let is_open = |k: &usize| lengths[*k] > (of_value * values[*k].abs()).max(of_norm * norm);
+            let mut has_grown = false;
+            if (0..self.wanted.min(count)).any(|k| is_open(&k)) && self.size < self.n && step < longest {
+                let open: Vec<usize> = (0..count).filter(is_open).take(self.block).collect();
+                if self.is_full_with(open.len()) {
+                    self.compress(&values, &y);
+                }
+                let mut added = residuals.select_columns(&open);
+                if let Some(precondition) = &mut precondition {
+                    let residuals = added.clone();
+                    for (r, z) in residuals.as_slice().chunks(self.n).zip(added.as_mut_slice().chunks_mut(self.n)) {
+                        precondition(r, z);
+                    }
+                }
+                has_grown = self.extend(added, apply);
+            }
+            if !has_grown {
+                let pair = |k: usize| Ritz {
+                    value: values[k],
+                    vector: x.column(k).as_slice().to_vec(),
+                    image: image.column(k).as_slice().to_vec(),
+                    residual: lengths[k],
+                };
+                return (0..count).map(pair).collect();
+            }
+        }
+        Vec::new()
+    }
+
+    /// Whether the basis has to shrink before so many vectors join. One with room for a whole basis of the space never has to.
+    fn is_full_with(&self, added: usize) -> bool {
+        self.size + added > self.basis.ncols() && self.basis.ncols() < self.n
+    }
+
+    /// `MX`, where M is not the identity.
+    fn weighted(&self, columns: DMatrix<f64>) -> DMatrix<f64> {
+        let Some(masses) = self.masses else { return columns };
+        let mut weighted = columns;
+        for mut column in weighted.column_iter_mut() {
+            column.iter_mut().zip(masses).for_each(|(x, mass)| *x *= mass);
+        }
+        weighted
+    }
+
+    /// `‖x‖_M`.
+    fn norm(&self, x: &[f64]) -> f64 {
+        match self.masses {
+            Some(masses) => x.iter().zip(masses).map(|(x, mass)| mass * x * x).sum::<f64>().sqrt(),
+            None => norm(x),
+        }
+    }
+
+    /// Orthonormalises columns against the basis and adds them with their products; returns `false` where all are in the space already.
+    fn extend(&mut self, mut columns: DMatrix<f64>, apply: &mut Product<'_>) -> bool {
+        let before = self.size;
+        let lengths: Vec<f64> = columns.column_iter().map(|column| self.norm(column.as_slice())).collect();
+        for _ in 0..2 {
+            let basis = self.basis.columns(0, before);
+            let parts = basis.tr_mul(&self.weighted(columns.clone()));
+            columns.gemm(-1.0, &basis, &parts, 1.0);
+        }
+        for (column, length) in columns.column_iter().zip(lengths) {
+            self.add(column.into_owned(), before, length);
+        }
+        let added = self.size - before;
+        if added == 0 {
+            return false;
+        }
+        let range = before * self.n..self.size * self.n;
+        apply(&self.basis.as_slice()[range.clone()], &mut self.products.as_mut_slice()[range]);
+        let images = self.weighted(self.products.columns(before, added).into_owned());
+        let projected = self.basis.columns(0, self.size).tr_mul(&images);
+        self.projected.view_mut((0, before), (self.size, added)).copy_from(&projected);
+        self.projected.view_mut((before, 0), (added, self.size)).copy_from(&projected.transpose());
+        true
+    }
+
+    /// Orthonormalises a vector, orthogonal to the columns before `first`, against those from there on, and adds it, unless the rest is
+    /// rounding of its `length` or there is no room.
+    fn add(&mut self, mut vector: DVector<f64>, first: usize, length: f64) {
+        if self.size == self.basis.ncols() {
+            return;
+        }
+        let before = self.norm(vector.as_slice());
+        self.subtract(&mut vector, first);
+        // A small rest has lost its orthogonality to the others (Daniel, Gragg, Kaufman and Stewart 1976).
+        if self.norm(vector.as_slice()) < 0.5 * before {
+            self.subtract(&mut vector, 0);
+        }
+        let left = self.norm(vector.as_slice());
+        if left > 1e-12 * length && left.is_finite() {
+            self.basis.column_mut(self.size).axpy(left.recip(), &vector, 0.0);
+            self.size += 1;
+        }
+    }
+
+    /// Two passes of Gram–Schmidt against the columns from `first` on.
+    fn subtract(&self, vector: &mut DVector<f64>, first: usize) {
+        for k in (first..self.size).chain(first..self.size) {
+            let column = self.basis.column(k);
+            let part = match self.masses {
+                Some(masses) => column.iter().zip(&*vector).zip(masses).map(|((a, b), mass)| a * b * mass).sum(),
+                None => column.dot(vector),
+            };
+            vector.axpy(-part, &column, 1.0);
+        }
+    }
+
+    /// Eigenpairs of H, most wanted first; NaN where there are none.
+    fn ritz_pairs(&self) -> (Vec<f64>, DMatrix<f64>) {
+        let projected = self.projected.view((0, 0), (self.size, self.size)).into_owned();
+        let is_finite = projected.iter().all(|entry| entry.is_finite());
+        let eigen = (is_finite && self.size > 0).then(|| SymmetricEigen::try_new(projected, f64::EPSILON, 10_000));
+        let Some(eigen) = eigen.flatten() else {
+            return (vec![f64::NAN; self.size], DMatrix::identity(self.size, self.size));
+        };
+        let mut order: Vec<usize> = (0..self.size).collect();
+        let rank = |k: usize| self.end.rank(eigen.eigenvalues[k]);
+        order.sort_by(|&a, &b| rank(a).total_cmp(&rank(b)));
+        let values = order.iter().map(|&k| eigen.eigenvalues[k]).collect();
+        (values, eigen.eigenvectors.select_columns(&order))
+    }
+
+    /// Shrinks the basis to its best Ritz vectors.
+    fn compress(&mut self, values: &[f64], y: &DMatrix<f64>) {
+        let count = (self.wanted + self.block).min(self.size.saturating_sub(self.block)).max(1);
+        let basis = self.basis.columns(0, self.size) * y.columns(0, count);
+        let products = self.products.columns(0, self.size) * y.columns(0, count);
+        self.basis.columns_mut(0, count).copy_from(&basis);
+        self.products.columns_mut(0, count).copy_from(&products);
+        self.projected.fill(0.0);
+        (0..count).for_each(|k| self.projected[(k, k)] = values[k]);
+        self.size = count;
+    }
+}
+
+/// The lowest and the highest Ritz pair of the Krylov space of a random vector, from at most `steps` products: rough ends of the spectrum
+/// of B. `None` where a product is not finite.
+pub(crate) fn probe(n: usize, masses: Option<&[f64]>, steps: usize, apply: &mut Product<'_>) -> Option<[Ritz; 2]> {
+    let search = Search { end: End::Lowest, wanted: 1, block: 1, capacity: steps };
+    let mut space = BlockLanczos::new(n, masses, search, 2);
+    space.refresh(apply);
+    while space.size > 0 && space.size < space.basis.ncols() {
+        let product = space.products.columns(space.size - 1, 1).into_owned();
+        if !space.extend(product, apply) {
+            break;
+        }
+    }
+    let (values, y) = space.ritz_pairs();
+    let pair = |k: usize| {
+        let y = y.columns(k, 1);
+        let vector = space.basis.columns(0, space.size) * y;
+        let image = space.products.columns(0, space.size) * y;
+        let residual = space.norm((&image - &vector * values[k]).as_slice());
+        let (vector, image) = (vector.as_slice().to_vec(), image.as_slice().to_vec());
+        Ritz { value: values[k], vector, image, residual }
+    };
+    let is_known = values.first().is_some_and(|value| value.is_finite());
+    is_known.then(|| [pair(0), pair(values.len() - 1)])
 }
 
 #[cfg(test)]

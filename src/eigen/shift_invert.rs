@@ -6,14 +6,15 @@
 //! (A − σM)⁻¹ M φ = θ φ,      λ = σ + 1/θ,
 //! ```
 //!
-//! that are largest in size belong to that end and are far apart, so [`BlockLanczos`] finds them in a few blocks, with one solve a vector (Ericsson and Ruhe,
-//! Math. Comput. 35, 1980). `A − σM = L D Lᵀ` has as many negative pivots as there are eigenvalues below σ (Sylvester), which tells
+//! that are largest in size belong to that end and are far apart, so [`BlockLanczos`] finds them in a few blocks, with one solve a vector
+//! (Ericsson and Ruhe, Math. Comput. 35, 1980). `A − σM = L D Lᵀ` has as many negative pivots as there are eigenvalues below σ
+//! (Sylvester), which proves
 //!
 //! - that σ lies beyond an end: none or all of them are negative;
 //! - that the k eigenvalues found are the outermost ones: as many lie beyond a shift τ just outside the last of them as were found there.
-//!   Where there are more, the search goes on from what it has and from random vectors, with σ moved nearer (Grimes, Lewis and Simon 1994).
+//!   Where there are more, the search goes on from its pairs and random vectors, with σ moved nearer (Grimes, Lewis and Simon 1994).
 //!
-//! Eigenvalues that agree to the distance of τ are not told apart: one of a multiple eigenvalue at the edge stands for the others.
+//! Eigenvalues that agree to the distance of τ are not told apart.
 
 use super::{BlockLanczos, Eigenpair, End, Ritz, Search, Tolerance, probe};
 use crate::assembly::SymmetricMatrix;
@@ -23,24 +24,8 @@ use crate::operator::LinearOperator;
 use crate::work::Work;
 use faer::Par;
 
-/// Products that guess where a spectrum ends.
-const PROBES: usize = 40;
-
-/// Blocks of a search at most, to which each wanted pair adds one.
-const LONGEST: usize = 40;
-
-/// How often the shift is moved nearer, and by how much.
-const MOVES: usize = 12;
-const NEARER: f64 = 0.0625;
-
-/// The least distance of τ from a pair, as a part of ‖A‖: what a factorization tells apart.
-const ROUNDING: f64 = 1e-12;
-
-/// The least distance of a shift from an end, as a part of ‖A‖: where that is zero, the largest θ would drown the others in rounding.
+/// The least distance of a shift from an end, relative to ‖A‖: nearer, the largest θ would drown the others in rounding.
 const NEAR_ZERO: f64 = 1e-6;
-
-/// Doublings of the distance to a shift: a millionth of ‖A‖ has then become far more than ‖A‖.
-const LONGEST_RETREAT: usize = 60;
 
 /// A and the diagonal of M (`None` for the identity).
 #[derive(Clone, Copy)]
@@ -68,19 +53,19 @@ impl<'a> Pencil<'a> {
     }
 }
 
-/// How exactly an end of the spectrum is wanted.
+/// The accuracy of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Accuracy {
     /// The residual of θ at which a pair has converged.
     pub tolerance: Tolerance,
-    /// The distance of τ from the last pair at most, as a part of ‖A‖ and of its |λ|.
+    /// The largest distance of τ from the last pair, relative to ‖A‖ and to its |λ|.
     pub edge: [f64; 2],
 }
 
 impl Accuracy {
-    /// As many digits as there are, vectors too.
+    /// Full precision, vectors too.
     pub const FULL: Self = Self { tolerance: Tolerance { of_value: 1e-9, of_norm: 1e-13 }, edge: [1e-9, 1e-6] };
-    /// A value that is certified to half a millionth of ‖A‖ and to a thousandth of itself. The error of a Rayleigh quotient is of the order of the
+    /// A value certified to half a millionth of ‖A‖ and a thousandth of itself; the error of a Rayleigh quotient is of the order of the
     /// square of the tolerance.
     pub const CERTIFIED: Self = Self { tolerance: RESOLVED, edge: [5e-7, 1e-3] };
 }
@@ -88,16 +73,16 @@ impl Accuracy {
 /// The lowest eigenpairs of a pencil, see [`lowest`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lowest {
-    /// As many as were asked for, ascending.
+    /// The pairs, ascending.
     pub pairs: Vec<Eigenpair>,
-    /// Whether a count of the eigenvalues below `counted_below` proves that none is missing.
+    /// A count of the eigenvalues below `counted_below` proves that none is missing.
     pub complete: bool,
-    /// Just below the last one.
+    /// A value just below the last one.
     pub counted_below: f64,
 }
 
-/// The `count` lowest eigenpairs of `A φ = λ M φ`, M given by its diagonal (the identity where it is `None`), each multiple eigenvalue as often as it
-/// occurs.
+/// The `count` lowest eigenpairs of `A φ = λ M φ`, M given by its diagonal (the identity where it is `None`), each multiple eigenvalue as
+/// often as it occurs.
 ///
 /// # Errors
 /// Masses that are not as many as A has rows or not positive; a matrix that is too large to factor.
@@ -108,7 +93,7 @@ pub struct Lowest {
 /// use sprung::eigen::lowest;
 /// use sprung::{Spring, Stiffness, SystemBuilder, integrate::StepMatrices, work::Work};
 ///
-/// // A mass of 2 kg on a spring of 200 N/m, and steps of 1 s: the eigenvalues are 1/dt² + ω², with ω² = 100/s² along the spring.
+/// // A mass of 2 kg on a spring of 200 N/m, and steps of 1 s: the eigenvalues are 1/dt² + ω², ω² = 100/s² along the spring.
 /// let mut builder = SystemBuilder::new();
 /// builder.particle([0.0, 0.0, 0.0], 1.0);
 /// builder.particle([1.0, 0.0, 0.0], 2.0);
@@ -143,11 +128,11 @@ pub(crate) struct ShiftInvert<'a> {
     norm: f64,
     /// Pairs known beforehand, from which searches start.
     pub known: Vec<Eigenpair>,
-    /// What the spectrum lies between, proven.
+    /// Proven bounds of the spectrum.
     pub within: [f64; 2],
-    /// Whether the factorization is that of A itself, and positive.
+    /// The factorization is that of A itself, and positive definite.
     pub is_factored: bool,
-    /// The τ by which the pairs found last are proven to be complete.
+    /// The τ that proves the pairs found last to be complete.
     pub edge: Option<f64>,
     ends: Option<[Ritz; 2]>,
 }
@@ -174,19 +159,19 @@ impl<'a> ShiftInvert<'a> {
         self.pencil.a.order()
     }
 
-    /// The outermost `wanted` pairs at one end, that first. Empty where nothing can be factored.
+    /// The `wanted` outermost pairs at one end, the outermost first. Empty where nothing can be factored.
     pub fn extreme(&mut self, end: End, wanted: usize, accuracy: Accuracy) -> Vec<Eigenpair> {
         self.edge = None;
         let outwards = if end == End::Lowest { -1.0 } else { 1.0 };
         let Some(mut shift) = self.first_shift(end, outwards) else { return Vec::new() };
         let (mut pairs, mut due) = (self.known.clone(), None);
-        for attempt in 0..MOVES {
+        for attempt in 0..12 {
             pairs = self.search(end, shift, wanted, accuracy.tolerance, &pairs, due);
             let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else { return pairs };
             let [of_norm, of_value] = [accuracy.edge[0] * self.norm, accuracy.edge[1] * last.value.abs()];
             // A pivot that vanishes at one edge does not at another.
-            let reach = of_norm.min(of_value).max(ROUNDING * self.norm) * (1.0 + 0.37 * attempt as f64);
-            let edge = last.value + outwards * reach;
+            let offset = of_norm.min(of_value).max(1e-12 * self.norm) * (1.0 + 0.37 * attempt as f64);
+            let edge = last.value + outwards * offset;
             let found = pairs.iter().filter(|pair| end.is_before(pair.value, edge)).count();
             let proven = self.within[usize::from(outwards > 0.0)];
             let first = first.value;
@@ -203,7 +188,7 @@ impl<'a> ShiftInvert<'a> {
                 return pairs;
             }
             due = count.map(|count| (edge, count.min(wanted)));
-            let mut distance = (NEARER * (first - shift).abs()).max(2.0 * reach).max(NEAR_ZERO * self.norm);
+            let mut distance = (0.0625 * (first - shift).abs()).max(2.0 * offset).max(NEAR_ZERO * self.norm);
             loop {
                 shift = first + outwards * distance;
                 if self.lies_outside(shift, outwards) {
@@ -220,20 +205,18 @@ impl<'a> ShiftInvert<'a> {
 
     /// The eigenvalue nearest to zero; zero where nothing can be factored.
     ///
-    /// A pivot of an indefinite A may almost vanish though no eigenvalue does, and solves are worth nothing then: the residual of the pair tells. The pivots
-    /// of `A − σ`, a little beside A, do not vanish in the same place.
+    /// A pivot of an indefinite A may almost vanish though no eigenvalue does, which spoils the solves: the residual of the pair tells. The
+    /// pivots of `A − σ` do not vanish in the same place; σ is the root of the rounding error, at the cost of half of the digits.
     pub fn nearest_to_zero(&mut self) -> f64 {
-        /// The root of the rounding error, so that a pivot of that size costs half of the digits.
-        const BESIDE: f64 = 1e-8;
         let mut best: Option<Eigenpair> = None;
-        for shift in [0.0, BESIDE * self.norm, -BESIDE * self.norm] {
+        for shift in [0.0, 1e-8 * self.norm, -1e-8 * self.norm] {
             if self.below(shift).is_none() {
                 continue;
             }
             let pairs = self.search(End::Farthest, shift, 1, RESOLVED, &[], None);
             let nearest = pairs.into_iter().min_by(|a, b| a.value.abs().total_cmp(&b.value.abs()));
             let Some(nearest) = nearest.filter(|pair| pair.value.is_finite()) else { continue };
-            let is_good = nearest.residual <= NEAREST * nearest.value.abs();
+            let is_good = nearest.residual <= 1e-3 * nearest.value.abs();
             if best.as_ref().is_none_or(|best| nearest.residual < best.residual) {
                 best = Some(nearest);
             }
@@ -259,7 +242,7 @@ impl<'a> ShiftInvert<'a> {
         Some(below)
     }
 
-    /// As [`below`](Self::below): whether σ lies beyond that end.
+    /// As [`below`](Self::below): σ lies beyond that end.
     fn lies_outside(&mut self, shift: f64, outwards: f64) -> bool {
         let all = if outwards < 0.0 { 0 } else { self.order() };
         let is_outside = self.below(shift) == Some(all);
@@ -277,13 +260,13 @@ impl<'a> ShiftInvert<'a> {
         }
     }
 
-    /// A shift beyond an end, factored: zero where A is positive definite, or a little outside of what products tell.
+    /// A factored shift beyond an end: zero where A is positive definite, or a little beyond the Ritz value.
     fn first_shift(&mut self, end: End, outwards: f64) -> Option<f64> {
         let Pencil { products, masses, .. } = self.pencil;
         let n = self.order();
         let is_positive = self.is_factored || self.within[0] >= 0.0;
         if self.ends.is_none() && !(end == End::Lowest && is_positive) {
-            self.ends = probe(n, masses, PROBES, &mut |x, y| {
+            self.ends = probe(n, masses, 40, &mut |x, y| {
                 products.apply(x, y);
                 divide(y, masses);
             });
@@ -297,7 +280,8 @@ impl<'a> ShiftInvert<'a> {
         }
         let (value, residual) = guess?;
         let mut distance = residual.max(0.02 * value.abs()).max(NEAR_ZERO * self.norm);
-        for _ in 0..LONGEST_RETREAT {
+        // From a millionth of ‖A‖ to far beyond.
+        for _ in 0..60 {
             let shift = value + outwards * distance;
             if self.lies_outside(shift, outwards) {
                 return Some(shift);
@@ -307,8 +291,8 @@ impl<'a> ShiftInvert<'a> {
         None
     }
 
-    /// The pairs nearest to σ on its inner side, for which `A − σM` is factored, from those found before, outermost first. As long as
-    /// there are fewer, or fewer lie beyond an edge than are due, random vectors join.
+    /// The pairs nearest to σ on its inner side, outermost first, with the factor of `A − σM` and from pairs found before. Random vectors
+    /// join as long as there are fewer pairs, or fewer beyond an edge than are due.
     fn search(
         &mut self,
         end: End,
@@ -328,7 +312,7 @@ impl<'a> ShiftInvert<'a> {
             }
             factorization.substitute_columns(n, y);
         };
-        // Inside the spectrum is where θ is positive above σ and negative below it.
+        // θ is positive above σ and negative below it.
         let of_inverse = match end {
             End::Lowest => End::Highest,
             End::Highest => End::Lowest,
@@ -337,7 +321,7 @@ impl<'a> ShiftInvert<'a> {
         let mut space = BlockLanczos::new(n, masses, Search::new(of_inverse, wanted, SOLVE_COLUMNS), 1);
         space.start(before.iter().map(|pair| &pair.vector[..]), &mut solve);
         space.refresh(&mut solve);
-        let longest = LONGEST + wanted;
+        let longest = 40 + wanted;
         let mut found = space.iterate(tolerance, longest, &mut solve, None);
         let beyond = |pairs: &[Ritz], edge: f64| {
             pairs.iter().filter(|pair| end.is_before(shift + pair.value.recip(), edge)).count()
@@ -357,9 +341,8 @@ impl<'a> ShiftInvert<'a> {
     }
 }
 
-/// The tolerance for a value without its vector, and the residual relative to |λ| at which the pair nearest to zero is one.
+/// The tolerance for a value without its vector.
 const RESOLVED: Tolerance = Tolerance { of_value: 0.0, of_norm: 1e-4 };
-const NEAREST: f64 = 1e-3;
 
 fn divide(y: &mut [f64], masses: Option<&[f64]>) {
     if let Some(masses) = masses {

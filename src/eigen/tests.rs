@@ -119,7 +119,7 @@ fn nothing_is_no_direction() {
     }
 }
 
-/// Of a chain, whose eigenvalues are known: Ritz values lie inside the spectrum, within their residuals of an end or of another eigenvalue, and are exact from
+/// A chain, whose eigenvalues are known: Ritz values lie inside the spectrum, within their residuals of an end or of another eigenvalue, and are exact from
 /// all of the space. What is not finite has no ends.
 #[test]
 fn probes_come_near_both_ends() {

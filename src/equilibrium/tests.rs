@@ -261,7 +261,8 @@ fn a_braced_column_bifurcates() {
     builder.constrain(Constraint { axes: crate::system::Axes::of(&[0]), ..Constraint::hold([2]) });
     let (system, state) = builder.build().unwrap();
     let load = 40.0;
-    let forces = vec![Vector3::zeros(), Vector3::zeros(), Vector3::new(0.0, -load, 0.0), Vector3::zeros(), Vector3::zeros()];
+    let forces =
+        vec![Vector3::zeros(), Vector3::zeros(), Vector3::new(0.0, -load, 0.0), Vector3::zeros(), Vector3::zeros()];
     let system = system.with_loads(Loads { forces, ..Loads::default() }).unwrap();
     let path = load_path(&system, &state, 5).unwrap();
     assert_eq!((path.critical.len(), path.critical[0].kind), (1, CriticalKind::Bifurcation));

@@ -9,7 +9,7 @@ use std::borrow::Cow;
 /// Curves over time that belong to a motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
-    /// What the curves are.
+    /// The title.
     pub title: String,
     /// Their unit, empty for plain numbers.
     pub unit: String,
@@ -26,11 +26,11 @@ pub struct Track {
 pub struct Animation {
     /// The scene's name.
     pub title: String,
-    /// What else is to be said: the method, how the run ended.
+    /// Further remarks: the method, how the run ended.
     pub remarks: Vec<String>,
-    /// Everything that moves, as it was before thinning.
+    /// Everything that moves, as it was before decimation.
     whole: SceneTopology,
-    thinning: Option<Decimation>,
+    decimation: Option<Decimation>,
     shown: Option<SceneTopology>,
     /// Time of every frame, in s.
     pub times: Vec<f64>,
@@ -52,19 +52,19 @@ const SPRINGS: usize = 160_000;
 
 impl Animation {
     /// An animation without frames yet.
-    pub fn new(title: impl Into<String>, cast: SceneTopology) -> Self {
-        Self::with_limits(title, cast, PARTICLES, SPRINGS)
+    pub fn new(title: impl Into<String>, topology: SceneTopology) -> Self {
+        Self::with_limits(title, topology, PARTICLES, SPRINGS)
     }
 
     /// As [`new`](Self::new), showing no more than so many particles and springs.
-    pub fn with_limits(title: impl Into<String>, cast: SceneTopology, particles: usize, springs: usize) -> Self {
-        let thinning = Decimation::of(&cast, particles, springs);
-        let shown = thinning.as_ref().map(|thinning| thinning.cast(&cast));
+    pub fn with_limits(title: impl Into<String>, topology: SceneTopology, particles: usize, springs: usize) -> Self {
+        let decimation = Decimation::of(&topology, particles, springs);
+        let shown = decimation.as_ref().map(|decimation| decimation.topology(&topology));
         Self {
             title: title.into(),
             remarks: Vec::new(),
-            whole: cast,
-            thinning,
+            whole: topology,
+            decimation,
             shown,
             times: Vec::new(),
             positions: Vec::new(),
@@ -76,8 +76,8 @@ impl Animation {
     }
 
     /// A scene at one state.
-    pub fn still(title: impl Into<String>, cast: SceneTopology, state: &State) -> Self {
-        let mut animation = Self::new(title, cast);
+    pub fn still(title: impl Into<String>, topology: SceneTopology, state: &State) -> Self {
+        let mut animation = Self::new(title, topology);
         animation.push(state.time, &state.positions);
         animation
     }
@@ -92,10 +92,10 @@ impl Animation {
         }
         self.extremes.push([most, least]);
         self.compressed.push(strains.iter().filter(|&&strain| strain < 0.0).count() as f64);
-        match &self.thinning {
-            Some(thinning) => {
-                self.positions.extend(thinning.positions(positions));
-                self.strains.extend(thinning.mean_of_springs(&strains));
+        match &self.decimation {
+            Some(decimation) => {
+                self.positions.extend(decimation.positions(positions));
+                self.strains.extend(decimation.mean_of_springs(&strains));
             }
             None => {
                 self.positions.extend(positions);
@@ -104,7 +104,7 @@ impl Animation {
         }
     }
 
-    /// What is shown.
+    /// The shown part of the scene.
     pub fn cast(&self) -> &SceneTopology {
         self.shown.as_ref().unwrap_or(&self.whole)
     }
@@ -121,17 +121,18 @@ impl Animation {
         (least <= most).then_some([least, most])
     }
 
-    /// How far a shown particle comes from where it is in the first frame, at most, in m.
+    /// The largest distance of a shown particle from its place in the first frame, in m.
     pub fn farthest(&self) -> f64 {
         let n = self.cast().bindings.len().max(1);
         let start = self.positions.get(..n).unwrap_or_default();
-        let ways = self.positions.chunks(n).flat_map(|frame| frame.iter().zip(start).map(|(x, x0)| (x - x0).norm()));
-        ways.filter(|way| way.is_finite()).fold(0.0, f64::max)
+        let frames = self.positions.chunks(n);
+        let distances = frames.flat_map(|frame| frame.iter().zip(start).map(|(x, x0)| (x - x0).norm()));
+        distances.filter(|distance| distance.is_finite()).fold(0.0, f64::max)
     }
 
-    /// How the scene was thinned, if it was.
-    pub fn thinning(&self) -> Option<&Decimation> {
-        self.thinning.as_ref()
+    /// The decimation of the scene, if it was too large.
+    pub fn decimation(&self) -> Option<&Decimation> {
+        self.decimation.as_ref()
     }
 
     /// All curves: those added, and the range of strains over the frames where there is more than one.

@@ -8,7 +8,7 @@
 use super::{Binding, SceneTopology};
 use nalgebra::Vector3;
 
-/// Which particles stand for which.
+/// The particles that stand for their neighbourhoods.
 #[derive(Debug, Clone)]
 pub struct Decimation {
     /// The particles that are shown, by their numbers in the scene.
@@ -26,32 +26,33 @@ pub struct Decimation {
 const NONE: u32 = u32::MAX;
 
 impl Decimation {
-    /// Of a scene with more particles or springs than wanted; `None` for another.
-    pub(super) fn of(cast: &SceneTopology, particles: usize, springs: usize) -> Option<Self> {
-        let count = cast.bindings.len();
-        if count <= particles && cast.pairs.len() <= springs {
+    /// The decimation of a scene with more particles or springs than wanted; `None` for another.
+    pub(super) fn of(topology: &SceneTopology, particles: usize, springs: usize) -> Option<Self> {
+        let count = topology.bindings.len();
+        if count <= particles && topology.pairs.len() <= springs {
             return None;
         }
         let mut wanted = particles.min(count).max(1);
         loop {
-            let thinning = Self::with(cast, wanted);
-            if thinning.lines.len() <= springs || wanted <= 1 {
-                return Some(thinning);
+            let decimation = Self::with(topology, wanted);
+            if decimation.lines.len() <= springs || wanted <= 1 {
+                return Some(decimation);
             }
             // Groups have more neighbours than particles: fewer of them until their lines are few enough.
-            let most = (wanted as f64 * springs as f64 / thinning.lines.len() as f64) as usize;
+            let most = (wanted as f64 * springs as f64 / decimation.lines.len() as f64) as usize;
             wanted = most.min(wanted - 1).max(1);
         }
     }
 
-    fn with(cast: &SceneTopology, wanted: usize) -> Self {
-        let count = cast.bindings.len();
+    fn with(topology: &SceneTopology, wanted: usize) -> Self {
+        let count = topology.bindings.len();
         let mut founders: Vec<u32> = (0..count as u32).collect();
         let mut group = founders.clone();
-        let mut pairs = cast.pairs.clone();
+        let mut pairs = topology.pairs.clone();
         while founders.len() > wanted {
             let before = founders.len();
-            let bound = |g: usize| founders.get(g).and_then(|&p| cast.bindings.get(p as usize)) != Some(&Binding::Free);
+            let bound =
+                |g: usize| founders.get(g).and_then(|&p| topology.bindings.get(p as usize)) != Some(&Binding::Free);
             let (coarser, chosen) = gather(before, &pairs, before.div_ceil(wanted), bound);
             founders = chosen.iter().filter_map(|&g| founders.get(g as usize).copied()).collect();
             group.iter_mut().for_each(|g| *g = at(&coarser, *g));
@@ -64,20 +65,20 @@ impl Decimation {
                 break;
             }
         }
-        let lines = joined(&cast.pairs, &group);
+        let lines = joined(&topology.pairs, &group);
         let line_of = |&[i, j]: &[u32; 2]| {
             let pair = ordered([at(&group, i), at(&group, j)]);
             lines.binary_search(&pair).map_or(NONE, |line| line as u32)
         };
-        let line: Vec<u32> = cast.pairs.iter().map(line_of).collect();
+        let line: Vec<u32> = topology.pairs.iter().map(line_of).collect();
         let mut share = vec![0.0; lines.len()];
         line.iter().filter_map(|&l| share.get_mut(l as usize).map(|n| *n += 1.0)).for_each(drop);
         share.iter_mut().for_each(|n: &mut f64| *n = 1.0 / n.max(1.0));
         Self { founders, group, lines, line, share }
     }
 
-    /// What is shown of a scene.
-    pub(super) fn cast(&self, whole: &SceneTopology) -> SceneTopology {
+    /// The shown part of a scene.
+    pub(super) fn topology(&self, whole: &SceneTopology) -> SceneTopology {
         let bindings = self.founders.iter().filter_map(|&p| whole.bindings.get(p as usize).copied()).collect();
         let mut triangles: Vec<[u32; 3]> =
             whole.triangles.iter().map(|corners| corners.map(|p| at(&self.group, p))).collect();
@@ -98,7 +99,7 @@ impl Decimation {
 
     /// The positions of the founders.
     pub(super) fn positions<'a>(&'a self, positions: &'a [Vector3<f64>]) -> impl Iterator<Item = Vector3<f64>> + 'a {
-        self.founders.iter().map(|&p| positions.get(p as usize).copied().unwrap_or_else(Vector3::zeros))
+        self.founders.iter().map(|&p| positions.get(p as usize).copied().unwrap_or_default())
     }
 
     /// For every line the mean of a value of its springs.
@@ -116,19 +117,25 @@ impl Decimation {
 /// Gathers particles into groups of at most `size`: the group of every particle, and the founder of every group. Bound
 /// particles found first, so that they stay to be seen.
 fn gather(count: usize, pairs: &[[u32; 2]], size: usize, bound: impl Fn(usize) -> bool) -> (Vec<u32>, Vec<u32>) {
-    let neighbours = Neighbours::of(count, pairs);
+    let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); count];
+    for &[i, j] in pairs {
+        for (from, to) in [(i, j), (j, i)] {
+            if let Some(list) = neighbours.get_mut(from as usize) {
+                list.push(to);
+            }
+        }
+    }
     let mut group = vec![NONE; count];
     let mut founders = Vec::new();
-    let order = (0..count).filter(|&p| bound(p)).chain(0..count);
-    for p in order {
+    for p in (0..count).filter(|&p| bound(p)).chain(0..count) {
         if at(&group, p as u32) != NONE {
             continue;
         }
         let number = founders.len() as u32;
         founders.push(p as u32);
-        let free = neighbours.get(p).iter().filter(|&&n| at(&group, n) == NONE && !bound(n as usize));
-        let taken: Vec<u32> = free.copied().take(size.saturating_sub(1)).collect();
-        for q in taken.into_iter().chain([p as u32]) {
+        let free = neighbours[p].iter().filter(|&&n| at(&group, n) == NONE && !bound(n as usize));
+        let members: Vec<u32> = free.copied().take(size.saturating_sub(1)).collect();
+        for q in members.into_iter().chain([p as u32]) {
             if let Some(g) = group.get_mut(q as usize) {
                 *g = number;
             }
@@ -152,42 +159,4 @@ fn ordered([a, b]: [u32; 2]) -> [u32; 2] {
 
 fn at(list: &[u32], index: u32) -> u32 {
     list.get(index as usize).copied().unwrap_or(NONE)
-}
-
-/// The neighbours of every particle, one list after the other.
-struct Neighbours {
-    starts: Vec<usize>,
-    all: Vec<u32>,
-}
-
-impl Neighbours {
-    fn of(count: usize, pairs: &[[u32; 2]]) -> Self {
-        let mut starts = vec![0; count + 1];
-        for &p in pairs.iter().flatten() {
-            if let Some(start) = starts.get_mut(p as usize + 1) {
-                *start += 1;
-            }
-        }
-        for p in 0..count {
-            starts[p + 1] += starts[p];
-        }
-        let mut next = starts.clone();
-        let mut all = vec![NONE; starts[count]];
-        for &[i, j] in pairs {
-            for (from, to) in [(i, j), (j, i)] {
-                if let Some(next) = next.get_mut(from as usize) {
-                    if let Some(slot) = all.get_mut(*next) {
-                        *slot = to;
-                    }
-                    *next += 1;
-                }
-            }
-        }
-        Self { starts, all }
-    }
-
-    fn get(&self, particle: usize) -> &[u32] {
-        let range = self.starts.get(particle).zip(self.starts.get(particle + 1));
-        range.and_then(|(&from, &to)| self.all.get(from..to)).unwrap_or_default()
-    }
 }

@@ -3,19 +3,15 @@
 //! Checks, inspections and charts describe their pictures with these types; [`report`](crate::report) draws them.
 
 mod animation;
+mod cells;
 mod decimation;
 mod drawing;
 mod plot;
-mod spy;
-mod tiles;
 mod topology;
-mod upright;
 
 pub use animation::{Animation, Track};
+pub use cells::{Spy, Tiles};
 pub use decimation::Decimation;
-pub use drawing::{Arrow, Drawing, Segment};
+pub use drawing::{Arrow, Drawing, Segment, Up};
 pub use plot::{Axis, Guide, Look, Mark, Plot, Scale, Series};
-pub use spy::Spy;
-pub use tiles::Tiles;
 pub use topology::{Binding, SceneTopology};
-pub use upright::Up;

@@ -15,9 +15,9 @@ use serde::Serialize;
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Plot {
-    /// What the plot shows, in a few words.
+    /// The title, in a few words.
     pub title: String,
-    /// What the points say, in a sentence; empty where they are left to speak.
+    /// The conclusion, in a sentence; may be empty.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub conclusion: String,
     /// The horizontal axis.
@@ -26,7 +26,7 @@ pub struct Plot {
     pub y: Axis,
     /// The measured points.
     pub series: Vec<Series>,
-    /// What theory expects of them.
+    /// Lines that theory expects.
     pub guides: Vec<Guide>,
 }
 
@@ -41,7 +41,7 @@ impl Plot {
         Self { title: title.into(), conclusion: String::new(), x, y, series: Vec::new(), guides: Vec::new() }
     }
 
-    /// Says what its points say.
+    /// Adds a conclusion.
     pub fn concluding(self, conclusion: impl Into<String>) -> Self {
         Self { conclusion: conclusion.into(), ..self }
     }
@@ -58,7 +58,7 @@ impl Plot {
         self
     }
 
-    /// Whether a coordinate of any point is NaN.
+    /// True where a coordinate of any point is NaN.
     pub fn has_nan(&self) -> bool {
         self.series.iter().flat_map(|series| &series.points).any(|&(x, y)| x.is_nan() || y.is_nan())
     }
@@ -69,7 +69,7 @@ impl Plot {
 pub struct Axis {
     /// The quantity and its unit.
     pub title: String,
-    /// How values are spaced.
+    /// The spacing of its values.
     pub scale: Scale,
 }
 
@@ -85,7 +85,7 @@ impl Axis {
     }
 }
 
-/// How the values of an axis are spaced.
+/// The spacing of the values of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scale {
@@ -102,7 +102,7 @@ pub struct Series {
     pub name: String,
     /// The points (x, y) in the order in which they are joined.
     pub points: Vec<(f64, f64)>,
-    /// How the points are marked.
+    /// The marks of its points.
     pub mark: Mark,
     /// The slope measured on the logarithmic axes, where one was; the legend states it.
     pub slope: Option<f64>,
@@ -115,27 +115,31 @@ pub struct Series {
 /// A colour and a shape by number, so that one thing looks the same in all pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Look {
-    /// Which.
+    /// The number.
     pub number: usize,
-    /// Whether its markers are hollow: a variant of the thing that has the same number.
+    /// True for hollow markers: a variant of the thing that has the same number.
     pub hollow: bool,
 }
 
 impl Series {
+    fn new(name: impl Into<String>, points: Vec<(f64, f64)>, mark: Mark) -> Self {
+        Self { name: name.into(), points, mark, slope: None, like: None, look: None }
+    }
+
     /// Points joined by a line.
     pub fn line(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, mark: Mark::Line, slope: None, like: None, look: None }
+        Self::new(name, points, Mark::Line)
     }
 
     /// Points that stand alone.
     pub fn scatter(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, mark: Mark::Point, slope: None, like: None, look: None }
+        Self::new(name, points, Mark::Point)
     }
 
     /// Points of what failed, drawn as crosses, by the cause of the failure. One whose y (or x) is not finite, or has no place
-    /// on a logarithmic axis, stands on a rail along the upper (the right) edge instead of being left out.
+    /// on a logarithmic axis, stands in a lane along the upper (the right) edge instead of being left out.
     pub fn failures(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, mark: Mark::Cross, slope: None, like: None, look: None }
+        Self::new(name, points, Mark::Cross)
     }
 
     /// Gives it the colour of another series.
@@ -154,7 +158,7 @@ impl Series {
     }
 }
 
-/// How the points of a series are marked.
+/// The marks of the points of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mark {
@@ -181,14 +185,14 @@ pub enum Guide {
     Level {
         /// Its height.
         y: f64,
-        /// What it means.
+        /// Its meaning.
         label: String,
     },
     /// A vertical line, for example a critical step.
     Vertical {
         /// Its place.
         x: f64,
-        /// What it means.
+        /// Its meaning.
         label: String,
     },
 }

@@ -1,9 +1,9 @@
-//! What stays the same while a scene moves.
+//! The parts of a scene that stay the same while it moves.
 
 use crate::system::{Motion, System};
 use nalgebra::Vector3;
 
-/// How a particle is bound.
+/// The constraint of a particle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Binding {
     /// No coordinate is prescribed.
@@ -15,7 +15,7 @@ pub enum Binding {
 }
 
 impl Binding {
-    /// Of every particle of a system.
+    /// The constraint of every particle of a system.
     pub fn of(system: &System) -> Vec<Self> {
         let mut bindings = vec![Self::Free; system.particles()];
         let motions = system.prescribed().motions();
@@ -30,7 +30,7 @@ impl Binding {
     }
 }
 
-/// What stays the same while a scene moves. Lists of one length belong together: bindings to particles, rest lengths and
+/// The parts of a scene that stay the same while it moves. Lists of one length belong together: bindings to particles, rest lengths and
 /// stiffnesses to pairs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneTopology {
@@ -38,7 +38,7 @@ pub struct SceneTopology {
     pub dimension: usize,
     /// Gravitational acceleration, in m/s²; upwards is where it comes from.
     pub gravity: Vector3<f64>,
-    /// How every particle is bound.
+    /// The constraint of every particle.
     pub bindings: Vec<Binding>,
     /// End points of every spring.
     pub pairs: Vec<[u32; 2]>,
@@ -51,7 +51,7 @@ pub struct SceneTopology {
 }
 
 impl SceneTopology {
-    /// Of a system, and the triangles of the mesh that it was made from.
+    /// The topology of a system, and the triangles of the mesh that it was made from.
     pub fn of(system: &System, triangles: &[[u32; 3]]) -> Self {
         Self {
             dimension: system.dimension(),
@@ -66,7 +66,7 @@ impl SceneTopology {
 
     /// The strain `l/l0 − 1` of every spring.
     pub(super) fn strains<'a>(&'a self, positions: &'a [Vector3<f64>]) -> impl Iterator<Item = f64> + 'a {
-        let at = |p: u32| positions.get(p as usize).copied().unwrap_or_else(Vector3::zeros);
+        let at = |p: u32| positions.get(p as usize).copied().unwrap_or_default();
         let ends = self.pairs.iter().zip(&self.rest_lengths);
         ends.map(move |(&[i, j], rest)| ((at(i) - at(j)).norm() - rest) / rest)
     }

@@ -1,10 +1,8 @@
-//! Springs by the batch, for processors that compute on several numbers at once.
+//! Spring forces in vectorized batches.
 //!
-//! A spring needs a root and two divisions, for which a processor that takes its springs one by one waits most of the time. So a
-//! batch goes through three loops: the first gathers what its springs need from their ends into lists of numbers, the second computes
-//! the tensions of all of them, list by list and without a branch, and the third adds the forces to the ends, in the order of
-//! the springs. Every number is computed as it would be for one spring alone, and every particle gets its forces in the
-//! springs' order: the result does not depend on where batches begin.
+//! Three loops run over each batch: the first gathers positions, velocities and parameters, the second computes all tensions without a branch, so
+//! that square roots and divisions vectorize, and the third adds the forces to the ends in the order of the springs. The operations on each
+//! number are those for a single spring, so results do not depend on where batches begin.
 //!
 //! With `d = x_i − x_j` and `l = ‖d‖` the force on end i is
 //!
@@ -12,12 +10,11 @@
 //! −d (k (l − l0)/l0 + b (d·Δv)/l)/l.
 //! ```
 
-use super::accumulator::Run;
 use crate::spring::Spring;
 use crate::system::StateView;
 use nalgebra::Vector3;
 
-/// Springs of a batch: its lists are to stay in the fastest cache.
+/// Springs per batch; its arrays fit the first-level cache.
 pub(crate) const BATCH: usize = 32;
 
 /// One number for every spring of a batch.
@@ -26,11 +23,11 @@ pub(crate) type List = [f64; BATCH];
 /// A spring with its ends.
 pub(crate) type Ends<'a> = ([u32; 2], &'a Spring);
 
-/// Adds the forces of springs to their ends, compiled for every kind of processor that [`pulp`] tells apart.
+/// Adds the forces of springs to their ends, compiled for every instruction set that [`pulp`] detects.
 pub(super) struct AddForces<'a, I> {
     pub at: &'a StateView<'a>,
     pub springs: I,
-    /// The particle that `total` begins with. Ends that it does not hold are left out.
+    /// The first particle of `total`. Ends outside `total` are skipped.
     pub first: usize,
     pub total: &'a mut [Vector3<f64>],
 }
@@ -41,28 +38,28 @@ impl<'a, I: Iterator<Item = Ends<'a>>> pulp::NullaryFnOnce for AddForces<'a, I> 
     #[inline(always)]
     fn call(self) -> Self::Output {
         let Self { at, mut springs, first, total } = self;
-        let (mut batch, mut run) = (Batch::new(), Run::new());
+        let (mut batch, mut accumulator) = (Batch::new(), Accumulator::new());
         loop {
             let count = batch.gather::<false>(at, &mut springs);
             batch.set_pulls()?;
-            batch.add_forces(count, first, total, &mut run);
+            batch.add_forces(count, first, total, &mut accumulator);
             if count < BATCH {
-                run.end(first, total);
+                accumulator.flush(first, total);
                 return Ok(());
             }
         }
     }
 }
 
-/// Some spring has ends that coincide.
+/// A spring has coincident ends.
 pub(crate) struct Coincident;
 
-/// The numbers of a batch. What is left of the one before in a batch that is not full does no harm to forces.
+/// The arrays of a batch. An incomplete batch keeps values of the previous one, which are not used.
 pub(crate) struct Batch {
     ends: [[u32; 2]; BATCH],
     d: [Vector3<f64>; BATCH],
     squared: List,
-    /// d·Δv where there is damping, whatever velocities are where there is none.
+    /// d·Δv for damped springs, otherwise zero, so that overflowing velocities do not matter.
     along: List,
     stiffness: List,
     damping: List,
@@ -72,7 +69,7 @@ pub(crate) struct Batch {
     pub length: List,
     /// 1/l.
     pub inverse: List,
-    /// d·Δv of all springs, where it is asked for.
+    /// d·Δv of all springs, if requested.
     pub product: List,
 }
 
@@ -95,9 +92,9 @@ impl Batch {
         }
     }
 
-    /// Takes the next springs, with all that their velocities say where that is `WATCHED`; returns how many there were.
+    /// Loads the next springs and returns their number; `PRODUCTS` requests `product`.
     #[inline(always)]
-    pub fn gather<'a, const WATCHED: bool>(
+    pub fn gather<'a, const PRODUCTS: bool>(
         &mut self,
         at: &StateView<'_>,
         springs: &mut impl Iterator<Item = Ends<'a>>,
@@ -113,7 +110,7 @@ impl Batch {
             self.ends[slot] = [i, j];
             self.d[slot] = d;
             self.squared[slot] = d.norm_squared();
-            if WATCHED {
+            if PRODUCTS {
                 let v = vi - at.velocities[j as usize];
                 self.product[slot] = d.dot(&v);
                 self.along[slot] = if is_damped { self.product[slot] } else { 0.0 };
@@ -127,7 +124,7 @@ impl Batch {
         BATCH
     }
 
-    /// Computes lengths and tensions. A root is zero where its square is.
+    /// Computes lengths and tensions.
     #[inline(always)]
     pub fn set_pulls(&mut self) -> Result<(), Coincident> {
         if self.squared.iter().fold(false, |any, &squared| any | (squared == 0.0)) {
@@ -145,11 +142,46 @@ impl Batch {
         Ok(())
     }
 
-    /// Adds the forces of the first `count` springs to those of their ends that `total`, the particles from `first` on, holds.
+    /// Adds the forces of the first `count` springs to their ends in `total`, the particles from `first` on.
     #[inline(always)]
-    pub fn add_forces(&self, count: usize, first: usize, total: &mut [Vector3<f64>], run: &mut Run) {
+    pub fn add_forces(&self, count: usize, first: usize, total: &mut [Vector3<f64>], accumulator: &mut Accumulator) {
         for ((&ends, d), pull) in self.ends.iter().zip(&self.d).zip(&self.pull).take(count) {
-            run.add(ends, &(d * -pull), first, total);
+            accumulator.add(ends, &(d * -pull), first, total);
+        }
+    }
+}
+
+/// Adds spring forces to their ends and keeps the sum of the first end, which successive springs often share, in registers.
+pub(crate) struct Accumulator {
+    particle: u32,
+    force: Vector3<f64>,
+}
+
+impl Accumulator {
+    #[inline(always)]
+    pub fn new() -> Self {
+        Self { particle: u32::MAX, force: Vector3::zeros() }
+    }
+
+    /// Adds f to end i and subtracts it from end j, if they are in `total`, the particles from `first` on.
+    #[inline(always)]
+    pub fn add(&mut self, [i, j]: [u32; 2], f: &Vector3<f64>, first: usize, total: &mut [Vector3<f64>]) {
+        if i != self.particle {
+            self.flush(first, total);
+            let force = total.get((i as usize).wrapping_sub(first)).copied().unwrap_or_default();
+            *self = Self { particle: i, force };
+        }
+        self.force += f;
+        if let Some(total) = total.get_mut((j as usize).wrapping_sub(first)) {
+            *total -= f;
+        }
+    }
+
+    /// Stores the sum.
+    #[inline(always)]
+    pub fn flush(&self, first: usize, total: &mut [Vector3<f64>]) {
+        if let Some(total) = total.get_mut((self.particle as usize).wrapping_sub(first)) {
+            *total = self.force;
         }
     }
 }

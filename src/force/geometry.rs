@@ -1,5 +1,4 @@
-//! Direction and length of every active spring at one configuration, computed once and used by all formulas; and what forces from outside have of
-//! derivatives there.
+//! Directions and lengths of all active springs at one configuration, and the derivatives of external forces there.
 
 use crate::error::DegenerateSpring;
 use crate::parallel::try_pieces;
@@ -7,7 +6,7 @@ use crate::spring::{Extension, LawValues, Spring};
 use crate::system::{Derivatives, State, StateView, System};
 use nalgebra::{Matrix3, Vector3};
 
-/// Where all particles are, and at which time and how fast where that matters: positions alone are those of a system at rest at time zero.
+/// Positions, with time and velocities if known. Positions alone stand for a system at rest at time zero.
 #[derive(Debug, Clone, Copy)]
 pub struct Configuration<'a> {
     time: f64,
@@ -52,67 +51,44 @@ impl<'a> Configuration<'a> {
     }
 }
 
-/// n and l of every active spring, in the order of [`System::active_springs`].
-///
-/// # Examples
-/// ```
-/// use sprung::force::{SpringGeometry, add_elastic_force};
-/// use sprung::nalgebra::Vector3;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, state) = builder.build()?;
-/// let extensions = SpringGeometry::at(&system, &state)?;
-/// let mut force = vec![Vector3::zeros(); system.particles()];
-/// add_elastic_force(&system, &extensions, &mut force);
-/// assert_eq!(force[1], Vector3::new(10.0, 0.0, 0.0)); // half its rest length: it pushes with k/2
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
+/// Direction n and length l of every active spring, in the order of [`System::active_springs`].
 #[derive(Debug, Clone)]
 pub struct SpringGeometry {
     values: Vec<Extension>,
-    /// Of springs that have to be asked for, those that they are at these lengths and this time; empty where springs are the same at all.
+    /// The parameters of springs at these lengths and this time; empty where they are constant.
     tangents: Vec<Spring>,
-    /// What the law says of all springs at this configuration, where it is asked so.
+    /// The values of a law that is evaluated for all springs at once.
     law: LawValues,
-    /// The symmetric parts of the derivatives of forces from outside, one for every particle; empty where there are none.
+    /// The symmetric parts of the derivatives of external forces, one for every particle; empty if there are none.
     external: Vec<Derivatives>,
 }
 
 impl SpringGeometry {
-    /// At a configuration: a state, a moment, or positions.
+    /// The geometry at a state, a view of one, or positions.
     ///
     /// # Errors
-    /// The first spring whose ends coincide and that has no direction then.
+    /// The first spring with coincident ends that needs a direction.
     pub fn at<'a>(system: &System, at: impl Into<Configuration<'a>>) -> Result<Self, DegenerateSpring> {
-        let at = at.into();
-        // All at once: a list that grows takes up to three times its memory on the way.
-        let mut values = Vec::with_capacity(system.active_springs().len());
-        for (spring, pair, _) in system.active() {
-            let [i, j] = pair;
-            let extension = system.extension(spring, &at.positions[i], &at.positions[j]);
-            values.push(extension.ok_or(DegenerateSpring { spring, pair })?);
-        }
-        let mut extensions = Self { values, tangents: Vec::new(), law: LawValues::default(), external: Vec::new() };
+        let mut geometry = Self {
+            values: vec![Extension::COLLAPSED; system.active_springs().len()],
+            tangents: Vec::new(),
+            law: LawValues::default(),
+            external: Vec::new(),
+        };
         if system.has_spring_law() {
-            extensions.tangents = system.active().map(|(.., spring)| *spring).collect();
-            extensions.set_tangents(system, &at);
+            geometry.tangents = system.active().map(|(.., spring)| *spring).collect();
         }
         if system.has_external_derivatives() {
-            extensions.external = vec![Derivatives::default(); system.particles()];
-            extensions.set_external(system, &at);
+            geometry.external = vec![Derivatives::default(); system.particles()];
         }
-        Ok(extensions)
+        geometry.update(system, at)?;
+        Ok(geometry)
     }
 
     /// Recomputes for a new configuration of the same system, in parallel and without allocating.
     ///
     /// # Errors
-    /// As [`at`](Self::at); the extensions are then partly old and partly new.
+    /// As [`at`](Self::at); the geometry is then partly updated.
     pub fn update<'a>(&mut self, system: &System, at: impl Into<Configuration<'a>>) -> Result<(), DegenerateSpring> {
         let at = at.into();
         try_pieces(&mut self.values, &|first, piece| {
@@ -146,38 +122,38 @@ impl SpringGeometry {
         self.external.fill(Derivatives::default());
         let at_rest = if at.velocities.is_none() { vec![Vector3::zeros(); at.positions.len()] } else { Vec::new() };
         let velocities = at.velocities.unwrap_or(&at_rest);
-        let moment = StateView { time: at.time, positions: at.positions, velocities };
+        let view = StateView { time: at.time, positions: at.positions, velocities };
         for (derivatives, drag) in self.external.iter_mut().zip(&system.loads().drag) {
             derivatives.damping -= Matrix3::from_diagonal_element(*drag);
         }
-        system.external_forces().for_each(|force| force.add_derivatives(&moment, &mut self.external));
+        system.external_forces().for_each(|force| force.add_derivatives(&view, &mut self.external));
         for Derivatives { stiffness, damping } in &mut self.external {
             (*stiffness, *damping) = (symmetric(stiffness), symmetric(damping));
         }
     }
 
-    /// What the law says of all springs, where it is asked so.
+    /// The values of a law that is evaluated for all springs at once.
     pub(crate) fn law(&self) -> &LawValues {
         &self.law
     }
 
-    /// The symmetric parts of the derivatives of forces from outside, one for every particle; empty where there are none.
+    /// The symmetric parts of the derivatives of external forces, one for every particle; empty if there are none.
     pub fn external(&self) -> &[Derivatives] {
         &self.external
     }
 
-    /// As a slice, in the order of the active springs.
+    /// The extensions, in the order of the active springs.
     pub fn as_slice(&self) -> &[Extension] {
         &self.values
     }
 
-    /// In the order of the active springs.
+    /// An iterator over the extensions, in the order of the active springs.
     pub fn iter(&self) -> std::slice::Iter<'_, Extension> {
         self.values.iter()
     }
 
-    /// The active springs as they are at their lengths, each with its number, its ends and its extension: the parameters of the built-in
-    /// law, or of the [tangent](crate::spring::SpringLaw) of another.
+    /// The active springs, each with its index, ends, parameters and extension. The parameters are those of the built-in law, or of the
+    /// [tangent](crate::spring::SpringLaw) of a custom one.
     pub fn springs<'a>(
         &'a self,
         system: &'a System,
@@ -188,7 +164,7 @@ impl SpringGeometry {
         })
     }
 
-    /// The springs and extensions of the active springs, from a position on.
+    /// Parameters and extensions of the active springs from position `first` on.
     #[inline]
     pub(crate) fn from<'a>(
         &'a self,
@@ -200,7 +176,7 @@ impl SpringGeometry {
         springs.map(|(position, ((.., spring), at))| (self.tangents.get(position).unwrap_or(spring), at))
     }
 
-    /// The spring at a position among the active ones, as it is at its length.
+    /// The parameters of the active spring at a position.
     #[inline]
     pub(crate) fn spring<'a>(&'a self, system: &'a System, position: usize) -> &'a Spring {
         let own = || &system.springs()[system.active_springs()[position] as usize];

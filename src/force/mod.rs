@@ -1,21 +1,17 @@
-//! Sums over springs: the forces, energies and momenta of a whole system.
+//! Forces, energies and momenta of a system.
 //!
-//! Forces are full-length vectors, in N, and are *added* to what the caller passes in. Springs between two wholly
-//! prescribed particles are left out of forces (they move nothing) but count in the elastic energy.
+//! Forces are full-length vectors, in N, and are *added* to the argument. Springs between two wholly prescribed particles are excluded from forces
+//! but included in the elastic energy.
 
-pub(crate) mod accumulator;
 pub(crate) mod batch;
 mod energy;
 mod geometry;
-mod pairs;
-mod reaction;
 mod total;
 
 pub use crate::error::DegenerateSpring;
-pub use energy::{Energy, angular_momentum, linear_momentum};
+pub use energy::{Energy, Reactions, angular_momentum, linear_momentum};
 pub use geometry::{Configuration, SpringGeometry};
-pub use reaction::Reactions;
-use total::has_only_active;
+use total::add_pair_forces;
 pub use total::set_total_force;
 pub(crate) use total::{coincide, first_degenerate, set_other_forces};
 
@@ -40,12 +36,12 @@ use nalgebra::Vector3;
 /// let extensions = SpringGeometry::at(&system, &state.positions)?;
 /// let mut force = vec![Vector3::zeros(); system.particles()];
 /// add_elastic_force(&system, &extensions, &mut force);
-/// // k (1 − l/l0) pushes the free end away; what acts on held particles is a reaction, and counted too.
+/// // k (1 − l/l0) pushes the free end away.
 /// assert_eq!(force[1], Vector3::new(10.0, 0.0, 0.0));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn add_elastic_force(system: &System, extensions: &SpringGeometry, force: &mut [Vector3<f64>]) {
-    pairs::add(system, extensions, force, &|spring: &Spring, _: [usize; 2], at: &Extension| {
+    add_pair_forces(system, extensions, force, &|spring: &Spring, _: [usize; 2], at: &Extension| {
         Some(spring.elastic_force(at))
     });
 }
@@ -57,20 +53,20 @@ pub fn add_damping_force(
     velocities: &[Vector3<f64>],
     force: &mut [Vector3<f64>],
 ) {
-    pairs::add(system, extensions, force, &|spring: &Spring, [i, j]: [usize; 2], at: &Extension| {
+    add_pair_forces(system, extensions, force, &|spring: &Spring, [i, j]: [usize; 2], at: &Extension| {
         (spring.damping > 0.0).then(|| spring.damping_force(at, &(velocities[i] - velocities[j])))
     });
 }
 
-/// Adds K δx, the change of the elastic forces, and of forces from outside that know their stiffness, when all particles move by `displacement`, in m: `−K^s (δx_i − δx_j)` on end i of every spring and the
-/// opposite on end j.
+/// Adds K δx for a `displacement` δx, in m: `−K^s (δx_i − δx_j)` on end i of every spring and the opposite on end j, and the stiffness of
+/// external forces.
 pub fn add_elastic_differential(
     system: &System,
     extensions: &SpringGeometry,
     displacement: &[Vector3<f64>],
     force: &mut [Vector3<f64>],
 ) {
-    pairs::add(system, extensions, force, &|spring: &Spring, [i, j]: [usize; 2], at: &Extension| {
+    add_pair_forces(system, extensions, force, &|spring: &Spring, [i, j]: [usize; 2], at: &Extension| {
         let d = displacement[i] - displacement[j];
         Some(-spring.stiffness_block(at, Stiffness::Full).apply(&d))
     });
@@ -79,8 +75,7 @@ pub fn add_elastic_differential(
     }
 }
 
-/// Adds the change of the damping force when all particles move by `displacement`, in m, at fixed velocities: the product
-/// with ∂f_d/∂x, which comes from springs that turn and is not symmetric.
+/// Adds ∂f_d/∂x δx for a `displacement` δx, in m, at fixed velocities. This matrix results from the rotation of springs and is not symmetric.
 pub fn add_damping_differential(
     system: &System,
     extensions: &SpringGeometry,
@@ -88,7 +83,7 @@ pub fn add_damping_differential(
     displacement: &[Vector3<f64>],
     force: &mut [Vector3<f64>],
 ) {
-    pairs::add(system, extensions, force, &|spring: &Spring, [i, j]: [usize; 2], at: &Extension| {
+    add_pair_forces(system, extensions, force, &|spring: &Spring, [i, j]: [usize; 2], at: &Extension| {
         (spring.damping > 0.0).then(|| {
             let (v, d) = (velocities[i] - velocities[j], displacement[i] - displacement[j]);
             spring.damping_differential(at, &v, &d)
@@ -104,14 +99,14 @@ pub fn add_weight(system: &System, force: &mut [Vector3<f64>]) {
     }
 }
 
-/// Adds `D w` with D the symmetric part of ∂f/∂v of forces from outside, for any velocities w, in m/s.
+/// Adds `D w` for velocities w, in m/s, where D is the symmetric part of ∂f/∂v of external forces.
 pub fn add_external_damping(extensions: &SpringGeometry, velocities: &[Vector3<f64>], force: &mut [Vector3<f64>]) {
     for ((force, derivatives), v) in force.iter_mut().zip(extensions.external()).zip(velocities) {
         *force += derivatives.damping * v;
     }
 }
 
-/// Adds external forces less `D v`, the part of them that is linear in velocities and stands in the matrix.
+/// Adds external forces minus `D v`, their part that is linear in velocities and enters the matrix.
 pub(crate) fn add_undamped_external_forces(
     system: &System,
     extensions: &SpringGeometry,
@@ -124,7 +119,7 @@ pub(crate) fn add_undamped_external_forces(
     }
 }
 
-/// Adds `G w`, the whole of it: of springs and of forces from outside.
+/// Adds `G w` of springs and external forces.
 pub(crate) fn add_damping_product(
     system: &System,
     extensions: &SpringGeometry,
@@ -135,7 +130,7 @@ pub(crate) fn add_damping_product(
     add_external_damping(extensions, velocities, force);
 }
 
-/// Adds ∂f/∂t at fixed positions and velocities, in N/s: of gravity and rest lengths that change, and of forces from outside.
+/// Adds ∂f/∂t at fixed positions and velocities, in N/s, of gravity, rest lengths and external forces.
 pub fn add_force_rate(system: &System, extensions: &SpringGeometry, at: &StateView<'_>, rate: &mut [Vector3<f64>]) {
     system.loads().add_rate(system.masses(), at.time, rate);
     system.external_forces().for_each(|external| external.add_rate(at, rate));
@@ -143,9 +138,9 @@ pub fn add_force_rate(system: &System, extensions: &SpringGeometry, at: &StateVi
         return;
     }
     for ((number, [i, j], spring), extension) in extensions.springs(system) {
-        // Of a spring that does not push nothing changes while it is slack: its stiffness is zero.
+        // The stiffness of a slack tension-only spring is zero.
         if let Some([factor, slope]) = system.actuation(number, at.time) {
-            // T = k (l/l0 − 1), of which l0' = l0 s'/s takes k l/l0 · s'/s.
+            // T = k (l/l0 − 1) and l0' = l0 s'/s, so T' = −k l/l0 · s'/s.
             let lost = spring.stiffness * extension.length / spring.rest_length * slope / factor;
             let f = extension.direction * lost;
             rate[i] += f;
@@ -154,8 +149,7 @@ pub fn add_force_rate(system: &System, extensions: &SpringGeometry, at: &StateVi
     }
 }
 
-/// The power, in W, that springs take up by changing their rest lengths: `Σ −½ k (l² − l0²)/l0² · l0'` over all springs that pull or push. It is
-/// what the elastic energy grows by while nothing moves.
+/// The power of actuation, in W: `Σ −½ k (l² − l0²)/l0² · l0'`, the rate of the elastic energy at fixed positions.
 pub fn actuation_power(system: &System, at: &StateView<'_>) -> f64 {
     if system.behaviour().actuation.is_empty() {
         return 0.0;
@@ -172,7 +166,7 @@ pub fn actuation_power(system: &System, at: &StateView<'_>) -> f64 {
     system.pairs().iter().enumerate().filter_map(power).sum()
 }
 
-/// Adds all external forces of a system: its [loads](crate::system::Loads) and those of the caller's own.
+/// Adds all external forces, [loads](crate::system::Loads) included.
 pub fn add_external_forces(system: &System, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
     system.loads().add(system.masses(), at, force);
     for external in system.external_forces() {
@@ -180,7 +174,7 @@ pub fn add_external_forces(system: &System, at: &StateView<'_>, force: &mut [Vec
     }
 }
 
-/// Adds all forces, `f_el + f_d + m g + f_ext`, at positions of which the extensions are known.
+/// Adds all forces, `f_el + f_d + m g + f_ext`, at the positions of `extensions`.
 pub fn add_all_forces(system: &System, extensions: &SpringGeometry, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
     add_elastic_force(system, extensions, force);
     add_damping_force(system, extensions, at.velocities, force);
@@ -188,7 +182,7 @@ pub fn add_all_forces(system: &System, extensions: &SpringGeometry, at: &StateVi
     add_external_forces(system, at, force);
 }
 
-/// Sets `accelerations`, in m/s², to those of all forces: `M⁻¹ f` of free coordinates, zero of prescribed ones.
+/// Sets `accelerations`, in m/s², to `M⁻¹ f` for free coordinates and to zero for prescribed ones.
 pub fn set_accelerations(
     system: &System,
     extensions: &SpringGeometry,
@@ -209,7 +203,7 @@ mod tests {
     use crate::system::SystemBuilder;
     use nalgebra::Vector3;
 
-    /// However fast its ends are: no zero is multiplied by what overflows.
+    /// Velocities that overflow must not be multiplied by zero.
     #[test]
     fn springs_without_damping_add_nothing() {
         let mut builder = SystemBuilder::new();
@@ -262,7 +256,7 @@ mod tests {
         assert_eq!(extensions.update(&system, &state.positions).unwrap_err().spring, 1);
     }
 
-    /// Weights, kinetic energies and springs of two particles at (1, 2, 0) and (1, 5, 0), the first at 3 m/s along x.
+    /// Two particles at (1, 2, 0) and (1, 5, 0), and a system without particles, whose energies are +0.
     #[test]
     fn energies_and_momenta_are_sums() {
         let mut builder = SystemBuilder::new();
@@ -278,19 +272,15 @@ mod tests {
         assert_eq!(energy.total(), 263.0);
         assert_eq!(linear_momentum(&system, &state), Vector3::new(6.0, 0.0, 4.0));
         assert_eq!(angular_momentum(&system, &state), Vector3::new(20.0, -4.0, -12.0));
-        // A spring without a length is as short as can be.
+        // A spring with coincident ends.
         state.positions[1] = state.positions[0];
         assert_eq!(Energy::of(&system, &state).elastic, 3.0);
-    }
-
-    #[test]
-    fn nothing_has_no_energy() {
         let (system, state) = SystemBuilder::new().build().unwrap();
         let Energy { kinetic, elastic, gravitational } = Energy::of(&system, &state);
         assert_eq!([kinetic, elastic, gravitational].map(f64::to_bits), [0; 3]);
     }
 
-    /// T = l², so T' = 2l: at a length the tangent has k = T' l − T = l².
+    /// T = l² and T' = 2l: the tangent has k = T' l − T = l².
     #[derive(Debug)]
     struct Square;
 
@@ -326,7 +316,7 @@ mod tests {
         }
     }
 
-    /// Pushes the second particle along y by its speed, at a time.
+    /// A force on the second particle that depends on time and velocity.
     #[derive(Debug)]
     struct Push;
 

@@ -1,34 +1,74 @@
-//! All forces at once, in one pass over the springs that keeps nothing: what explicit methods need.
+//! Loops over the active springs that add forces to their ends.
 
-use super::batch::{AddForces, Coincident, Ends};
-use super::{DegenerateSpring, add_external_forces};
-use crate::spring::{LawValues, Spring};
+use super::batch::{Accumulator, AddForces, Coincident};
+use super::{DegenerateSpring, SpringGeometry, add_external_forces};
+use crate::spring::{Extension, LawValues, Spring};
 use crate::system::{StateView, System, ThreadPartition};
 use nalgebra::Vector3;
+use std::convert::Infallible;
 
-/// Sets `force`, in N, to the sum of all forces on every particle: of springs, weight, and from outside.
+/// Adds a force on end i of every active spring with ends [i, j], and its opposite on end j.
+pub(super) fn add_pair_forces(
+    system: &System,
+    extensions: &SpringGeometry,
+    total: &mut [Vector3<f64>],
+    force: &(impl Fn(&Spring, [usize; 2], &Extension) -> Option<Vector3<f64>> + Sync),
+) {
+    let Some(partitions) = system.thread_partitions() else {
+        return add_pairs_of(system, extensions, 0..system.active_springs().len(), 0, total, force);
+    };
+    let Ok(()) = for_each_partition(&partitions, total, &|partition, total| {
+        let positions = partition.springs.iter().map(|&position| position as usize);
+        add_pairs_of(system, extensions, positions, partition.particles.start, total, force);
+        Ok::<(), Infallible>(())
+    });
+}
+
+/// Adds the pair forces of the springs at some positions among the active ones to their ends in `total`, the particles from `first` on.
+#[inline(always)]
+fn add_pairs_of(
+    system: &System,
+    extensions: &SpringGeometry,
+    positions: impl Iterator<Item = usize>,
+    first: usize,
+    total: &mut [Vector3<f64>],
+    force: &impl Fn(&Spring, [usize; 2], &Extension) -> Option<Vector3<f64>>,
+) {
+    let mut accumulator = Accumulator::new();
+    for position in positions {
+        let pair = system.pairs()[system.active_springs()[position] as usize];
+        let (spring, at) = (extensions.spring(system, position), &extensions.as_slice()[position]);
+        if let Some(f) = force(spring, pair.map(|end| end as usize), at) {
+            accumulator.add(pair, &f, first, total);
+        }
+    }
+    accumulator.flush(first, total);
+}
+
+/// Calls `add` in parallel with every partition and the vectors of its particles.
+fn for_each_partition<E: Send>(
+    partitions: &[ThreadPartition],
+    total: &mut [Vector3<f64>],
+    add: &(impl Fn(&ThreadPartition, &mut [Vector3<f64>]) -> Result<(), E> + Sync),
+) -> Result<(), E> {
+    match partitions {
+        [] => Ok(()),
+        [partition] => add(partition, total),
+        [first, ..] => {
+            let (left, right) = partitions.split_at(partitions.len() / 2);
+            let boundary = right.first().map_or(0, |other| other.particles.start - first.particles.start);
+            let (low, high) = total.split_at_mut(boundary);
+            let (low, high) =
+                rayon::join(|| for_each_partition(left, low, add), || for_each_partition(right, high, add));
+            low.and(high)
+        }
+    }
+}
+
+/// Sets `force`, in N, to the sum of spring forces, weight and external forces on every particle.
 ///
 /// # Errors
-/// A spring whose ends coincide; `force` is then incomplete.
-///
-/// # Examples
-/// ```
-/// use nalgebra::Vector3;
-/// use sprung::force::set_total_force;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// # builder.gravity(0.0, -9.81, 0.0);
-/// let (system, state) = builder.build()?;
-/// let mut force = vec![Vector3::zeros(); system.particles()];
-/// set_total_force(&system, &state.moment(), &mut force)?;
-/// assert_eq!(force[1], Vector3::new(10.0, -9.81, 0.0));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
+/// A spring with coincident ends; `force` is then incomplete.
 pub fn set_total_force(
     system: &System,
     at: &StateView<'_>,
@@ -36,29 +76,16 @@ pub fn set_total_force(
 ) -> Result<(), DegenerateSpring> {
     set_other_forces(system, at, force);
     let law = system.law_values(at.positions, at.time);
-    if let Some(shares) = system.thread_partitions() {
-        return add_shares(system, at, &law, &shares, force);
-    }
-    if system.has_spring_law() {
-        return add_by_law(system, at, &law, system.active(), 0, force);
-    }
-    if has_only_active(system) {
-        // Nothing is looked up that stands in order.
-        return add(system, at, system.pairs().iter().copied().zip(system.springs()), 0, force);
-    }
-    add(system, at, system.active_springs().iter().map(|&number| numbered(system, number)), 0, force)
+    let Some(partitions) = system.thread_partitions() else {
+        return add_springs(system, at, &law, system.active_springs().iter().copied(), 0, force);
+    };
+    for_each_partition(&partitions, force, &|partition, total| {
+        let numbers = partition.springs.iter().map(|&position| system.active_springs()[position as usize]);
+        add_springs(system, at, &law, numbers, partition.particles.start, total)
+    })
 }
 
-/// Whether every spring is active.
-pub(super) fn has_only_active(system: &System) -> bool {
-    system.active_springs().len() == system.springs().len()
-}
-
-fn numbered(system: &System, number: u32) -> Ends<'_> {
-    (system.pairs()[number as usize], &system.springs()[number as usize])
-}
-
-/// Sets `force` to weights and what comes from outside: all but the forces of springs.
+/// Sets `force` to weight and external forces.
 pub(crate) fn set_other_forces(system: &System, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
     let gravity = system.gravity();
     for (f, mass) in force.iter_mut().zip(system.masses()) {
@@ -67,42 +94,23 @@ pub(crate) fn set_other_forces(system: &System, at: &StateView<'_>, force: &mut 
     add_external_forces(system, at, force);
 }
 
-/// Adds the forces of springs to those of their ends that `total`, the particles from `first` on, holds.
-fn add<'a>(
-    system: &System,
-    at: &'a StateView<'a>,
-    springs: impl Iterator<Item = Ends<'a>>,
-    first: usize,
-    total: &'a mut [Vector3<f64>],
-) -> Result<(), DegenerateSpring> {
-    let added = pulp::Arch::new().dispatch(AddForces { at, springs, first, total });
-    added.map_err(|Coincident| first_degenerate(system, at.positions))
-}
-
-/// Whether two particles lie at one place, or so near that the square of their distance is none.
-pub(crate) fn coincide(positions: &[Vector3<f64>], [i, j]: [usize; 2]) -> bool {
-    (positions[i] - positions[j]).norm_squared() == 0.0
-}
-
-/// The first spring whose ends coincide, where there is one.
-#[cold]
-pub(crate) fn first_degenerate(system: &System, positions: &[Vector3<f64>]) -> DegenerateSpring {
-    let mut active = system.active().map(|(spring, pair, _)| (spring, pair));
-    let (spring, pair) = active.find(|(_, pair)| coincide(positions, *pair)).unwrap_or_default();
-    DegenerateSpring { spring, pair }
-}
-
-/// As [`add`], of springs that have a law of the caller's own.
-fn add_by_law<'a>(
+/// Adds the forces of some springs to their ends in `total`, the particles from `first` on.
+fn add_springs(
     system: &System,
     at: &StateView<'_>,
     law: &LawValues,
-    mut springs: impl Iterator<Item = (usize, [usize; 2], &'a Spring)>,
+    mut numbers: impl Iterator<Item = u32>,
     first: usize,
     total: &mut [Vector3<f64>],
 ) -> Result<(), DegenerateSpring> {
-    springs.try_for_each(|(spring, [i, j], _)| {
-        let f = by_law(system, at, law, spring, [i, j])?;
+    if !system.has_spring_law() {
+        let springs = numbers.map(|number| (system.pairs()[number as usize], &system.springs()[number as usize]));
+        let added = pulp::Arch::new().dispatch(AddForces { at, springs, first, total });
+        return added.map_err(|Coincident| first_degenerate(system, at.positions));
+    }
+    numbers.try_for_each(|number| {
+        let [i, j] = system.pair(number as usize);
+        let f = law_force(system, at, law, number as usize, [i, j])?;
         if let Some(total) = total.get_mut(i.wrapping_sub(first)) {
             *total += f;
         }
@@ -113,8 +121,8 @@ fn add_by_law<'a>(
     })
 }
 
-/// The force on end i of a spring that has a law of the caller's own.
-fn by_law(
+/// The force on end i of a spring whose parameters depend on length or time.
+fn law_force(
     system: &System,
     at: &StateView<'_>,
     law: &LawValues,
@@ -126,56 +134,40 @@ fn by_law(
     let extension = extension.ok_or(DegenerateSpring { spring, pair })?;
     let parameters = system.spring_with(law, spring, extension.length, at.time);
     let mut tension = parameters.stiffness * parameters.strain(&extension);
-    // Without damping velocities may be anything, infinite too.
+    // Without damping, infinite velocities must not matter.
     if parameters.damping > 0.0 && extension.length > 0.0 {
         tension += parameters.damping * extension.direction.dot(&(at.velocities[i] - at.velocities[j]));
     }
     Ok(extension.direction * -tension)
 }
 
-/// `total` holds the particles of these shares.
-fn add_shares(
-    system: &System,
-    at: &StateView<'_>,
-    law: &LawValues,
-    shares: &[ThreadPartition],
-    total: &mut [Vector3<f64>],
-) -> Result<(), DegenerateSpring> {
-    match shares {
-        [] => Ok(()),
-        [ThreadPartition { particles, springs }] => {
-            let numbers = springs.iter().map(|&position| system.active_springs()[position as usize]);
-            if system.has_spring_law() {
-                let each = numbers.map(|number| number as usize);
-                let each = each.map(|number| (number, system.pair(number), &system.springs()[number]));
-                return add_by_law(system, at, law, each, particles.start, total);
-            }
-            add(system, at, numbers.map(|number| numbered(system, number)), particles.start, total)
-        }
-        [first, ..] => {
-            let (left, right) = shares.split_at(shares.len() / 2);
-            let boundary = right.first().map_or(0, |share| share.particles.start - first.particles.start);
-            let (low, high) = total.split_at_mut(boundary);
-            let (low, high) =
-                rayon::join(|| add_shares(system, at, law, left, low), || add_shares(system, at, law, right, high));
-            low.and(high)
-        }
-    }
+/// True if the squared distance of two particles is zero or underflows.
+pub(crate) fn coincide(positions: &[Vector3<f64>], [i, j]: [usize; 2]) -> bool {
+    (positions[i] - positions[j]).norm_squared() == 0.0
 }
 
-#[cfg(all(test, feature = "scene"))]
+/// The first active spring with coincident ends.
+#[cold]
+pub(crate) fn first_degenerate(system: &System, positions: &[Vector3<f64>]) -> DegenerateSpring {
+    let mut active = system.active().map(|(spring, pair, _)| (spring, pair));
+    let (spring, pair) = active.find(|(_, pair)| coincide(positions, *pair)).unwrap_or_default();
+    DegenerateSpring { spring, pair }
+}
+
+#[cfg(test)]
 mod tests {
     use super::set_total_force;
     use crate::force::{SpringGeometry, add_damping_force, add_elastic_force, add_weight};
-    use crate::scene::builtin::{Kind, builtin};
     use crate::spring::{Spring, SpringLaw, Tension};
-    use crate::system::SystemBuilder;
+    use crate::system::{SystemBuilder, fixtures};
     use nalgebra::Vector3;
 
-    /// The sum of the three forces, to rounding, on one thread and on several; a lattice of 16³ has enough springs for these.
+    /// The sum of the three forces to rounding, and the same bits on one thread and on several.
     #[test]
-    fn all_forces_are_the_sum_of_each() {
-        let (system, mut state) = builtin(Kind::Lattice, 16).unwrap().build().unwrap();
+    fn total_force_is_the_sum_of_its_parts() {
+        let (system, mut state) = fixtures::row(25_000);
+        let damped = system.springs().iter().map(|spring| Spring { damping: 0.3, ..*spring });
+        let system = system.with_springs(damped.collect()).unwrap();
         for (p, (x, v)) in state.positions.iter_mut().zip(&mut state.velocities).enumerate() {
             *x *= 1.0 + 0.01 * (p % 5) as f64;
             *v = Vector3::new((p % 3) as f64, (p % 7) as f64, -1.0);
@@ -195,7 +187,7 @@ mod tests {
         for threads in [1, 2, 3] {
             let mut force = vec![Vector3::repeat(7.0); system.particles()];
             pool(threads).install(|| {
-                assert_eq!(system.thread_partitions().map_or(1, |shares| shares.len()), threads);
+                assert_eq!(system.thread_partitions().map_or(1, |several| several.len()), threads);
                 assert_eq!(one_by_one(), expected, "the number of threads is in the sum of each");
                 set_total_force(&system, &state.moment(), &mut force).unwrap();
             });
@@ -207,9 +199,8 @@ mod tests {
         assert!(all.iter().all(|force| *force == all[0]), "the number of threads is in the result");
     }
 
-    /// Without damping a velocity has no force, whatever it is.
     #[test]
-    fn velocities_count_with_damping_alone() {
+    fn infinite_velocities_do_not_matter_without_damping() {
         let mut builder = SystemBuilder::new();
         builder.particle([0.0; 3], 1.0);
         builder.particle([2.0, 0.0, 0.0], 1.0);
@@ -221,7 +212,6 @@ mod tests {
         assert_eq!(force, [Vector3::new(3.0, 0.0, 0.0), Vector3::new(-3.0, 0.0, 0.0)]);
     }
 
-    /// One spring, and two of which either would make up for the other if they were counted by halves.
     #[test]
     fn coincident_ends_are_named() {
         let mut builder = SystemBuilder::new();
@@ -242,7 +232,7 @@ mod tests {
         }
     }
 
-    /// Pulls with l² N.
+    /// A tension of l² N.
     #[derive(Debug)]
     struct Square;
 
@@ -256,10 +246,9 @@ mod tests {
         }
     }
 
-    /// A damped spring of 2 m whose ends part with 4 m/s, 4 + 2·4 = 12 N, and one of 3 m without damping, 9 N, whatever its other end
-    /// does; forces from outside are there before.
+    /// A damped spring of 2 m that lengthens by 4 m/s, 4 + 2·4 = 12 N, and an undamped one of 3 m, 9 N, with an infinite velocity.
     #[test]
-    fn laws_of_the_caller_pull_at_both_ends() {
+    fn spring_laws_act_on_both_ends() {
         let mut builder = SystemBuilder::new();
         for y in [0.0, 2.0, 5.0] {
             builder.particle([0.0, y, 0.0], 1.0);

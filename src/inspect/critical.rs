@@ -8,44 +8,209 @@
 //! stable:    μ = 4, γ = 2, C = −2 K_opt + K        so that P = S = 4M/dt² − 2G/dt − 2K_opt + K
 //! ```
 //!
-//! `uᵀP(s)u` grows with s for every u, so the s for which P is positive definite are an interval `(s*, ∞)`, and the
-//! largest step is `dt* = 1/s*`; where C itself is positive semidefinite every step will do.
+//! `uᵀP(s)u` grows with s for every u, so the s for which P is positive definite are an interval `(s*, ∞)`, and the largest step
+//! is `dt* = 1/s*`; where C itself is positive semidefinite every step will do.
 //!
-//! **Why S.** Linearised at an equilibrium, a step of linearised backward Euler obeys
+//! **The matrix S.** Linearised at an equilibrium, a step of linearised backward Euler obeys
 //! `M(x₊ − 2x + x₋)/dt² − G(x₊ − x)/dt − K_opt(x₊ − x) − K x = 0`. With `x₊ = z x`, `x₋ = x/z` and the scalars
-//! `a = uᵀMu/dt²`, `c = −uᵀGu/dt − uᵀK_opt u`, `κ = −uᵀKu` of a mode u this is `(a + c) z² + (κ − c − 2a) z + a = 0`. Both
-//! roots lie in the unit disc (Jury) iff `a + c > 0`, `c ≥ 0`, `κ ≥ 0`, and the polynomial at z = −1 is not negative:
-//! `4a + 2c − κ ≥ 0`, which is `uᵀSu ≥ 0`. Under `Full` c ≥ κ, and under `Tension` the same holds for what is stretched: S adds
-//! nothing. Under `Axial` the stretched springs' transverse modes are left to the old positions, as in symplectic
-//! Euler, and S demands `dt ≤ 2/ω`.
+//! `a = uᵀMu/dt²`, `c = −uᵀGu/dt − uᵀK_opt u`, `κ = −uᵀKu` of a mode u this is `(a + c) z² + (κ − c − 2a) z + a = 0`. Both roots
+//! lie in the unit disc (Jury) iff `a + c > 0`, `c ≥ 0`, `κ ≥ 0`, and the polynomial at z = −1 is not negative:
+//! `4a + 2c − κ ≥ 0`, which is `uᵀSu ≥ 0`. Under `Full` c ≥ κ, and under `Tension` the same holds for stretched springs: S adds
+//! nothing. Under `Axial` the stretched springs' transverse modes are left to the old positions, as in symplectic Euler, and S
+//! demands `dt ≤ 2/ω`.
 //!
-//! **Where the state is not a stable equilibrium** (κ < 0 for some u) the motion itself grows, whatever the method. For
-//! such a u one root is real and above 1, as it must be, and S then says that the *other* roots stay in the disc:
-//! the method adds no oscillating instability of its own. This needs A positive definite, so the stable step is never
-//! larger than the definite one. At a state that is no equilibrium at all both hold for the motion relative to the
-//! trajectory, as long as the springs' directions and lengths change little.
+//! **An unstable equilibrium** (κ < 0 for some u) has a motion that grows, whatever the method: one root is real and above 1, as it
+//! must be, and S says that the others stay in the disc. This needs A positive definite, so the stable step is never larger than
+//! the definite one. At other states both hold for the motion relative to the trajectory, as long as springs change little.
 //!
-//! **The search.** A factorization `P = L D Lᵀ` with D > 0 is Cholesky's and proves P definite, to rounding: the oracle. Where it
-//! refuses, or where a vector u with `uᵀP(s)u ≤ 0` is known, P is not definite. Along any u the scalar quadratic `uᵀP(s)u` has a
-//! root that is a lower bound for s*, short of it by the square of the error of u. The first u is the lowest Ritz vector of `M⁻¹C`, by products. From an
-//! accepted s₀ on the next is the lowest eigenvector of the pencil (P(s₀), M), by Lanczos with the factor that accepted it: without damping that is the null
-//! vector of P(s*) for every s₀, with damping it goes there as s₀ does, which is Newton's iteration for the lowest eigenvalue of a hyperbolic quadratic
-//! pencil. A refused factorization gives `u = L⁻ᵀe_j`, for which `uᵀPu = d_j < 0`. The next trial lies above the bound by what u is thought to be
-//! short of s*, and no farther than halfway to what was accepted. The interval ends at the oracle's own rounding: a relative width of
-//! `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
+//! **The search.** A factorization `P = L D Lᵀ` with D > 0 proves P definite, to rounding: the oracle. Where it refuses, or where a
+//! vector u with `uᵀP(s)u ≤ 0` is known, P is not definite. Along any u the scalar quadratic `uᵀP(s)u` has a root that is a lower
+//! bound for s*, short of it by the square of the error of u. The first u is the lowest Ritz vector of `M⁻¹C`. From an accepted s₀
+//! on the next is the lowest eigenvector of the pencil (P(s₀), M), by Lanczos with the factor at hand: without damping that is the
+//! null vector of P(s*) for every s₀, with damping this is Newton's iteration for the lowest eigenvalue of a hyperbolic quadratic
+//! pencil. A refused factorization gives `u = L⁻ᵀe_j`, for which `uᵀPu = d_j < 0`. The next trial lies above the bound by the
+//! estimated error of the bound, and no farther than halfway to the accepted s. The interval ends at the oracle's own rounding: a
+//! relative width of `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
 
-use super::inertia::InertiaCounter;
-use super::matrix_pencil::{MatrixPencil, Property};
+use super::inertia::{InertiaCounter, largest_at_particle};
 use crate::assembly::{SpringPattern, SystemMatrix};
-use crate::eigen::{BlockLanczos, End, Search, Tolerance};
+use crate::eigen::{BlockLanczos, End, Search, Tolerance, probe};
 use crate::error::Result;
-use crate::force::SpringGeometry;
+use crate::force::{DegenerateSpring, SpringGeometry};
 use crate::linear::{Ldlt, SOLVE_COLUMNS, dot};
+use crate::operator::{Combination, LinearOperator, SystemOperator, negative_part};
 use crate::spring::{SpringBlock, Stiffness};
 use crate::system::{State, System};
 use crate::work::Work;
 use faer::Par;
 use std::sync::Arc;
+
+/// A property that a step keeps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Property {
+    /// A is positive definite.
+    Definite,
+    /// A is positive definite and linearised backward Euler adds no instability of its own: S is positive semidefinite.
+    Stable,
+}
+
+impl Property {
+    /// μ, the factor of `s² M`.
+    fn mass(self) -> f64 {
+        match self {
+            Self::Definite => 1.0,
+            Self::Stable => 4.0,
+        }
+    }
+
+    /// γ, the factor of `−s G`.
+    fn damping(self) -> f64 {
+        match self {
+            Self::Definite => 1.0,
+            Self::Stable => 2.0,
+        }
+    }
+}
+
+/// `uᵀP(s)u = mass s² + damping s + constant`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Curvature {
+    pub mass: f64,
+    pub damping: f64,
+    pub constant: f64,
+}
+
+impl Curvature {
+    /// The positive s at which the curvature vanishes; `None` when it is positive for every s > 0.
+    pub fn root(&self) -> Option<f64> {
+        let Self { mass, damping, constant } = *self;
+        let discriminant = damping * damping - 4.0 * mass * constant;
+        // The form without cancellation: damping ≥ 0 and constant < 0.
+        (constant < 0.0).then(|| -2.0 * constant / (damping + discriminant.sqrt()))
+    }
+}
+
+/// P(s) of a system at one state, as an operator.
+pub(super) struct MatrixPencil<'s> {
+    system: &'s System,
+    extensions: SpringGeometry,
+    operator: SystemOperator<'s>,
+    /// G, for the curvature along a vector.
+    damping: SystemOperator<'s>,
+    product: Vec<f64>,
+    /// m of every degree of freedom.
+    masses: Vec<f64>,
+}
+
+impl<'s> MatrixPencil<'s> {
+    pub fn new(system: &'s System, extensions: SpringGeometry) -> Self {
+        let operator = |combination| SystemOperator::new(system, &extensions, Stiffness::Full, combination);
+        let (damping, operator) = (operator(Combination::DAMPING), operator(Combination::STIFFNESS));
+        let mut masses = vec![0.0; system.dofs().len()];
+        for (particle, mass) in system.masses().iter().enumerate() {
+            masses[system.dofs().rows(particle)].fill(*mass);
+        }
+        Self { system, damping, operator, extensions, product: vec![0.0; masses.len()], masses }
+    }
+
+    /// Moves to another state of the same system.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring.
+    pub fn update(&mut self, state: &State) -> Result<(), DegenerateSpring> {
+        self.extensions.update(self.system, state)?;
+        self.damping.update(&self.extensions, Stiffness::Full, Combination::DAMPING);
+        Ok(())
+    }
+
+    /// Makes the operator P(s).
+    pub fn set(&mut self, requirement: Property, option: Stiffness, s: f64) {
+        let (mass, damping) = (requirement.mass() * s * s, requirement.damping() * s);
+        self.operator.set_external(&self.extensions, |at| {
+            let dropped = -if option == Stiffness::Full { at.stiffness } else { negative_part(&at.stiffness) };
+            let stiffness = match requirement {
+                Property::Definite => dropped,
+                Property::Stable => dropped * 2.0 + at.stiffness,
+            };
+            stiffness - at.damping * damping
+        });
+        self.operator.set_blocks(&self.extensions, mass, |_, spring, at| {
+            let dropped = spring.stiffness_block(at, option);
+            let stiffness = match requirement {
+                Property::Definite => dropped,
+                Property::Stable => dropped * 2.0 + spring.stiffness_block(at, Stiffness::Full) * -1.0,
+            };
+            stiffness + spring.damping_block(at) * damping
+        });
+    }
+
+    pub fn operator(&self) -> &SystemOperator<'s> {
+        &self.operator
+    }
+
+    pub fn extensions(&self) -> &SpringGeometry {
+        &self.extensions
+    }
+
+    pub fn blocks(&self) -> &[SpringBlock] {
+        self.operator.blocks()
+    }
+
+    /// The coefficients of `uᵀP(s)u`. Leaves the operator at s = 0.
+    pub fn curvature(&mut self, requirement: Property, option: Stiffness, u: &[f64]) -> Curvature {
+        let kinetic: f64 = u.iter().zip(&self.masses).map(|(u, mass)| mass * u * u).sum();
+        self.damping.apply(u, &mut self.product);
+        let damping = -dot(u, &self.product);
+        self.set(requirement, option, 0.0);
+        self.operator.apply(u, &mut self.product);
+        let constant = dot(u, &self.product);
+        Curvature { mass: requirement.mass() * kinetic, damping: requirement.damping() * damping, constant }
+    }
+
+    /// The lowest Ritz vector of `M⁻¹C` from sixty products; expects the operator at s = 0.
+    pub fn lowest_direction(&self) -> Option<Vec<f64>> {
+        let apply = |x: &[f64], y: &mut [f64]| {
+            self.operator.apply(x, y);
+            y.iter_mut().zip(&self.masses).for_each(|(y, mass)| *y /= mass);
+        };
+        probe(self.masses.len(), Some(&self.masses), 60, &mut { apply }).map(|[low, _]| low.vector)
+    }
+
+    /// m of every degree of freedom, in kg.
+    pub fn masses(&self) -> &[f64] {
+        &self.masses
+    }
+
+    /// `‖M^{-1/2} P(s) u‖/(2 s² ‖M^{1/2} u‖)`, at the s of the operator: about the relative distance of the root along u from the s
+    /// at which P is singular, without damping.
+    pub fn residual(&mut self, u: &[f64]) -> f64 {
+        let Self { operator, product, masses, .. } = self;
+        operator.apply(u, product);
+        let left: f64 = product.iter().zip(&*masses).map(|(p, mass)| p * p / mass).sum();
+        let kinetic: f64 = u.iter().zip(&*masses).map(|(u, mass)| mass * u * u).sum();
+        0.5 * left.sqrt() / (operator.mass_factor() * kinetic.sqrt())
+    }
+
+    /// A bound for ‖P(s)‖: the largest sum of `μ s² m_i` and twice the norms of the blocks at a free particle. Expects the operator at
+    /// s = 0, so that damping is left out.
+    pub fn norm_bound(&self, s: f64, requirement: Property) -> f64 {
+        let norm = |block: &SpringBlock, _| 2.0 * block.transverse.abs().max(block.axial.abs());
+        let inertia = |mass: f64| requirement.mass() * s * s * mass;
+        largest_at_particle(&self.operator, inertia, |block| block.norm(), norm, |sum, _| sum)
+    }
+
+    /// An s at which P is positive definite for certain; expects the operator at s = 0.
+    ///
+    /// A spring with the lowest eigenvalue −c takes at most `c‖u_i − u_j‖² ≤ 2c(‖u_i‖² + ‖u_j‖²)` from uᵀPu, and only
+    /// `c‖u_i‖²` where j is held. So `μ s² m_i > Σ 2c` over the springs at every particle i is enough.
+    pub fn surely_definite(&self, requirement: Property) -> f64 {
+        let taken = |block: &SpringBlock, is_free: bool| (-block.lowest()).max(0.0) * if is_free { 2.0 } else { 1.0 };
+        let external = |block: &nalgebra::Matrix3<f64>| block.symmetric_eigenvalues().min().min(0.0).abs();
+        let largest = largest_at_particle(&self.operator, |_| 0.0, external, taken, |sum, mass| sum / mass);
+        // A little above, so that rounding does not make the factorization fail there.
+        (largest / requirement.mass()).sqrt() * (1.0 + 1e-6)
+    }
+}
 
 /// The largest step that keeps a requirement.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,16 +221,16 @@ pub enum LargestStep {
     UpTo {
         /// The longest step at which a factorization proved it, in s.
         dt: f64,
-        /// A longer step for which it is known to be lost, by a factorization that refused or by a direction of negative
-        /// curvature, in s; as near to `dt` as rounding allows.
+        /// A longer step at which it is lost, by a factorization that refused or a direction of negative curvature, in s; as near
+        /// to `dt` as rounding allows.
         refused: f64,
     },
-    /// Not looked for.
+    /// Not computed.
     Unknown,
 }
 
 impl LargestStep {
-    /// The step, in s; `None` when there is no limit, or none is known.
+    /// The step, in s; `None` without a limit, or where it is unknown.
     pub fn dt(&self) -> Option<f64> {
         match *self {
             Self::Every | Self::Unknown => None,
@@ -74,7 +239,7 @@ impl LargestStep {
     }
 }
 
-/// Finds critical steps of a system: pattern, ordering and symbolic analysis made once.
+/// Finds critical steps of a system, on one symbolic analysis.
 ///
 /// # Examples
 /// ```
@@ -101,40 +266,20 @@ pub struct CriticalSteps<'s> {
     factorization: Ldlt,
     inertia: InertiaCounter,
     known: Known,
-    /// What the searches cost.
+    /// The work of the searches.
     pub work: Work,
 }
 
-/// What is known of A under `Full` before a search for its limit.
+/// Facts about A under `Full` before a search for its limit.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Known {
-    /// Whether −K has negative eigenvalues.
+    /// −K has negative eigenvalues; `None` where not counted.
     pub curves_downwards: Option<bool>,
     /// A direction, not necessarily a good one.
     pub direction: Option<Vec<f64>>,
     /// An s at which A is positive definite, proven.
     pub definite_from: Option<f64>,
 }
-
-/// Bisection alone ends in 64 halvings: a search that takes longer has a defect.
-const LONGEST_SEARCH: usize = 100;
-
-/// By how much a margin that was too small grows, and by how much one that was large enough shrinks at least.
-const BOLDER: f64 = 8.0;
-const CLOSER: f64 = 1e-3;
-
-/// Rounding error of what a length contributes to the block of a spring, relative to the block: of a spring at rest that is all there is.
-const LENGTH: f64 = 16.0 * f64::EPSILON;
-
-/// How far from s* a known direction may be, relatively, for which no better one is looked for by products.
-const NEAR: f64 = 1e-2;
-
-/// By how much s falls from one trial to the next while nothing has been refused.
-const LEAP: f64 = 16.0;
-
-/// The relative residual at which a direction is good enough, and blocks of vectors that it may take.
-const RESIDUAL: Tolerance = Tolerance { of_value: 0.0, of_norm: 1e-10 };
-const BLOCKS: usize = 12;
 
 impl<'s> CriticalSteps<'s> {
     /// At a state.
@@ -148,10 +293,7 @@ impl<'s> CriticalSteps<'s> {
         Self::analysed(system, SpringGeometry::at(system, state)?, pattern, factorization, work)
     }
 
-    /// On a pattern that has been analysed.
-    ///
-    /// # Errors
-    /// A factor that does not fit the memory.
+    /// As [`new`](Self::new), on a pattern that has been analysed.
     pub(super) fn analysed(
         system: &'s System,
         extensions: SpringGeometry,
@@ -164,7 +306,7 @@ impl<'s> CriticalSteps<'s> {
         Ok(Self { pencil, matrix, factorization, inertia, known: Known::default(), work })
     }
 
-    /// The limit of definiteness under `Full`, from what is known of A.
+    /// The limit of definiteness under `Full`, with known facts.
     pub(super) fn definite_knowing(&mut self, known: Known) -> LargestStep {
         if known.curves_downwards == Some(false) {
             return LargestStep::Every;
@@ -187,19 +329,20 @@ impl<'s> CriticalSteps<'s> {
 
     fn search(&mut self, requirement: Property, option: Stiffness) -> LargestStep {
         self.pencil.set(requirement, option, 0.0);
-        // Blocks that are all positive semidefinite decide it without a factorization: as far as the lengths of springs tell.
-        let is_none = |block: &SpringBlock| block.lowest() >= -LENGTH * block.transverse.abs().max(block.axial.abs());
+        // Blocks that are all positive semidefinite, to the rounding of lengths, decide it without a factorization.
+        let rounding = 16.0 * f64::EPSILON;
+        let is_none = |block: &SpringBlock| block.lowest() >= -rounding * block.transverse.abs().max(block.axial.abs());
         if self.pencil.blocks().iter().all(is_none) {
             return LargestStep::Every;
         }
         let known = std::mem::take(&mut self.known);
         // Above this P(s) is definite for certain.
         let mut accepted = self.pencil.surely_definite(requirement).min(known.definite_from.unwrap_or(f64::INFINITY));
-        let mut bound = Bound::nothing();
+        let mut bound = Bound { s: 0.0, rounding: 4.0 * f64::EPSILON };
         let mut u = known.direction.unwrap_or_default();
         let is_near = !u.is_empty()
             && self.raise(requirement, option, &mut bound, &u)
-            && self.shortfall(requirement, option, bound, &u) <= NEAR;
+            && self.shortfall(requirement, option, bound, &u) <= 1e-2;
         if !is_near {
             self.pencil.set(requirement, option, 0.0);
             let lowest = self.pencil.lowest_direction().unwrap_or_else(|| vec![0.0; self.pencil.masses().len()]);
@@ -211,13 +354,14 @@ impl<'s> CriticalSteps<'s> {
             return LargestStep::Every;
         }
         let mut margin = self.shortfall(requirement, option, bound, &u);
-        for _ in 0..LONGEST_SEARCH {
-            // Rounding may lift a root above what a factorization has accepted; the bracket must stay one.
+        // Bisection alone ends in 64 halvings.
+        for _ in 0..100 {
+            // Rounding may lift a root above an accepted s.
             bound.s = bound.s.min(accepted);
             if accepted / bound.s - 1.0 <= bound.rounding {
                 break;
             }
-            let halfway = if bound.s > 0.0 { (bound.s * accepted).sqrt() } else { accepted / LEAP };
+            let halfway = if bound.s > 0.0 { (bound.s * accepted).sqrt() } else { accepted / 16.0 };
             let trial = (bound.s * (1.0 + margin.max(bound.rounding / 2.0))).min(halfway);
             let trial = if bound.s > 0.0 { trial } else { halfway };
             if trial == 0.0 {
@@ -234,7 +378,7 @@ impl<'s> CriticalSteps<'s> {
                 u = self.improved(&u);
                 self.raise(requirement, option, &mut bound, &u);
                 let width = (accepted / bound.s - 1.0).max(0.0);
-                margin = self.shortfall(requirement, option, bound, &u).min(CLOSER * width);
+                margin = self.shortfall(requirement, option, bound, &u).min(1e-3 * width);
             } else {
                 bound.s = trial;
                 let mut worst = vec![0.0; u.len()];
@@ -244,14 +388,14 @@ impl<'s> CriticalSteps<'s> {
                     u = worst;
                     margin = self.shortfall(requirement, option, bound, &u);
                 } else {
-                    margin = BOLDER * margin.max(bound.rounding / 2.0);
+                    margin = 8.0 * margin.max(bound.rounding / 2.0);
                 }
             }
         }
         LargestStep::UpTo { dt: 1.0 / accepted, refused: 1.0 / bound.s }
     }
 
-    /// The lowest eigenvector of the pencil (P(s), M), nearly, with the P(s) that is factored and from a direction near it.
+    /// About the lowest eigenvector of the pencil (P(s), M), with the P(s) that is factored, from a direction near it.
     fn improved(&mut self, u: &[f64]) -> Vec<f64> {
         let Self { pencil, factorization, work, .. } = self;
         let (n, masses) = (u.len(), pencil.masses());
@@ -265,11 +409,12 @@ impl<'s> CriticalSteps<'s> {
         let mut space = BlockLanczos::new(n, Some(masses), Search::new(End::Highest, 1, SOLVE_COLUMNS), 1);
         space.start([u], &mut solve);
         space.refresh(&mut solve);
-        let found = space.iterate(RESIDUAL, BLOCKS, &mut solve, None);
+        let tolerance = Tolerance { of_value: 0.0, of_norm: 1e-10 };
+        let found = space.iterate(tolerance, 12, &mut solve, None);
         found.into_iter().next().map_or_else(|| u.to_vec(), |pair| pair.image)
     }
 
-    /// Nearly how far the bound along u may be from s*, relatively.
+    /// The estimated relative distance of the bound along u from s*.
     fn shortfall(&mut self, requirement: Property, option: Stiffness, bound: Bound, u: &[f64]) -> f64 {
         self.pencil.set(requirement, option, bound.s);
         self.pencil.residual(u)
@@ -284,16 +429,16 @@ impl<'s> CriticalSteps<'s> {
         self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive()
     }
 
-    /// Whether C has negative eigenvalues, where no direction is known.
-    fn curves_downwards(&mut self, requirement: Property, option: Stiffness) -> bool {
+    /// C has negative eigenvalues, by a count.
+    pub(super) fn curves_downwards(&mut self, requirement: Property, option: Stiffness) -> bool {
         self.pencil.set(requirement, option, 0.0);
         self.matrix.refill(self.pencil.operator());
         self.work.assemblies += 1;
         self.inertia.count(self.matrix.matrix(), &mut self.work).negative > 0
     }
 
-    /// Raises the bound to the root along u where that is higher; says whether it is.
-    fn raise(&mut self, requirement: Property, option: Stiffness, bound: &mut Bound, u: &[f64]) -> bool {
+    /// Raises the bound to the root along u; returns `false` where that is not higher.
+    pub(super) fn raise(&mut self, requirement: Property, option: Stiffness, bound: &mut Bound, u: &[f64]) -> bool {
         let curvature = self.pencil.curvature(requirement, option, u);
         match curvature.root().filter(|&root| root.is_finite() && root > bound.s) {
             Some(root) => {
@@ -307,19 +452,9 @@ impl<'s> CriticalSteps<'s> {
     }
 }
 
-/// A lower bound for s*, and how finely the oracle can tell near it, relatively.
+/// A lower bound for s*, and the relative resolution of the oracle near it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Bound {
-    s: f64,
-    rounding: f64,
+pub(super) struct Bound {
+    pub s: f64,
+    pub rounding: f64,
 }
-
-impl Bound {
-    /// Nothing is known, and the oracle has the rounding of four operations at least.
-    fn nothing() -> Self {
-        Self { s: 0.0, rounding: 4.0 * f64::EPSILON }
-    }
-}
-
-#[cfg(test)]
-mod tests;

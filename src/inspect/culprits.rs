@@ -1,4 +1,4 @@
-//! Which springs make A lose definiteness, and where.
+//! The springs that make A lose definiteness.
 //!
 //! Along a unit vector u the curvature of A is a sum over particles and springs,
 //!
@@ -8,9 +8,8 @@
 //! ```
 //!
 //! and only the last term of compressed springs is negative. A spring's *share* of the negative curvature `uᵀ(−K)u` is its part of
-//! that sum: the shares of all springs add up to 1, those of the culprits to more where other springs resist. Dropping one
-//! spring's transverse term changes the curvature along u from λ to `λ − k(1/l0 − 1/l)‖Pw‖²`, a bound from above for the new
-//! lowest eigenvalue: what is still negative then needs more than this spring.
+//! that sum: the shares of all springs add up to 1, those of the culprits to more where other springs resist. Dropping one spring's
+//! transverse term changes the curvature along u from λ to `λ − k(1/l0 − 1/l)‖Pw‖²`, an upper bound for the new lowest eigenvalue.
 
 use crate::eigen::Eigenpair;
 use crate::force::SpringGeometry;
@@ -20,7 +19,7 @@ use crate::spring::Stiffness;
 use crate::system::System;
 use nalgebra::Vector3;
 
-/// A spring that bends the energy downwards along a direction.
+/// A spring with negative curvature along a direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Culprit {
     /// The spring.
@@ -33,7 +32,7 @@ pub struct Culprit {
     pub share: f64,
     /// `wᵀK^s w`, its curvature along u, in N/m; negative.
     pub curvature: f64,
-    /// The curvature `uᵀAu` along u if this spring alone lost its transverse term, in N/m.
+    /// The curvature `uᵀAu` along u without the transverse term of this spring, in N/m.
     pub relieved: f64,
 }
 
@@ -46,27 +45,21 @@ pub struct Mover {
     pub displacement: Vector3<f64>,
 }
 
-/// An eigenvector of A, with the springs and particles that make it what it is.
+/// An eigenvector of A, with the springs behind it and the particles that it moves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Direction {
     /// λ = uᵀAu, in N/m.
     pub eigenvalue: f64,
     /// `uᵀ(−K)u`, in N/m.
     pub stiffness_curvature: f64,
-    /// The springs with negative curvature, worst first, where `uᵀ(−K)u` is negative; none where it is not.
+    /// The springs with negative curvature, worst first, where `uᵀ(−K)u` is negative.
     pub culprits: Vec<Culprit>,
     /// The particles that move most, the farthest first.
     pub movers: Vec<Mover>,
 }
 
-/// Springs with less than this part of the worst one's share are left out.
-const LEAST_SHARE: f64 = 1e-3;
-
-/// At most this many culprits and movers are listed for a direction.
-const MOST_CULPRITS: usize = 100;
-const MOST_MOVERS: usize = 10;
-
-/// Takes an eigenpair of A apart under an option.
+/// The springs behind an eigenpair of A under an option, and the particles that it moves most: a hundred springs at most with a
+/// thousandth of the worst share or more, and ten particles.
 pub fn direction(system: &System, extensions: &SpringGeometry, option: Stiffness, pair: &Eigenpair) -> Direction {
     let dofs = system.dofs();
     let k = SystemOperator::new(system, extensions, option, Combination::STIFFNESS);
@@ -88,22 +81,22 @@ pub fn direction(system: &System, extensions: &SpringGeometry, option: Stiffness
             }
         }
         culprits.sort_by(|a, b| b.share.total_cmp(&a.share).then(a.spring.cmp(&b.spring)));
-        let least = culprits.first().map_or(0.0, |worst| LEAST_SHARE * worst.share);
-        culprits.truncate(culprits.partition_point(|culprit| culprit.share >= least).min(MOST_CULPRITS));
+        let least = culprits.first().map_or(0.0, |worst| 1e-3 * worst.share);
+        culprits.truncate(culprits.partition_point(|culprit| culprit.share >= least).min(100));
     }
     let mover = |particle| Mover { particle, displacement: dofs.get(&pair.vector, particle) };
     let mut movers: Vec<Mover> = (0..system.particles()).map(mover).collect();
     let size = |mover: &Mover| mover.displacement.norm_squared();
     movers.sort_by(|a, b| size(b).total_cmp(&size(a)).then(a.particle.cmp(&b.particle)));
-    movers.truncate(MOST_MOVERS);
+    movers.truncate(10);
     movers.retain(|mover| size(mover) > 0.0);
     Direction { eigenvalue: pair.value, stiffness_curvature, culprits, movers }
 }
 
-/// Culprits that hang together through shared particles.
+/// Culprits that share particles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cluster {
-    /// The springs, by falling share in any direction.
+    /// The springs, by their largest share in any direction.
     pub springs: Vec<usize>,
     /// The particles at their ends, ascending.
     pub particles: Vec<usize>,
@@ -113,14 +106,12 @@ pub struct Cluster {
     pub strain: f64,
 }
 
-/// Springs with at least this part of a direction's worst share make a cluster.
-const CLUSTER_SHARE: f64 = 0.1;
-
-/// Groups the main culprits of several directions, the cluster of the lowest direction first.
+/// Groups the main culprits of several directions, those with a tenth of the worst share or more; the cluster of the lowest direction
+/// comes first.
 pub fn clusters(directions: &[Direction]) -> Vec<Cluster> {
     let mut found: Vec<(Culprit, f64)> = Vec::new();
     for direction in directions {
-        let least = direction.culprits.first().map_or(0.0, |worst| CLUSTER_SHARE * worst.share);
+        let least = direction.culprits.first().map_or(0.0, |worst| 0.1 * worst.share);
         for culprit in direction.culprits.iter().filter(|culprit| culprit.share >= least) {
             match found.iter_mut().find(|(other, _)| other.spring == culprit.spring) {
                 Some((other, lowest)) => {

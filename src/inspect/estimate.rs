@@ -1,6 +1,6 @@
-//! An inspection of a matrix that is not factored: by products, multigrid, and what springs and masses prove.
+//! An inspection of a matrix too large to be factored: by products, multigrid, and the blocks of springs and masses.
 //!
-//! A factor of a large matrix may not fit the memory, or take too long. What is left is told apart into proofs and estimates:
+//! Its figures are proofs or estimates:
 //!
 //! | figure | proven | estimated |
 //! |---|---|---|
@@ -11,17 +11,14 @@
 //! | λ_max from below | a Rayleigh quotient | λ_max itself |
 //! | λ_max from above | `maxᵢ (mᵢ/dt² + Σ 2c)` over the springs at i, c the largest eigenvalue of each's block | |
 //!
-//! The last is `wᵀBw ≤ c‖uᵢ − uⱼ‖² ≤ 2c (‖uᵢ‖² + ‖uⱼ‖²)`, summed. u comes from the solver of `eigen`, preconditioned with multigrid for A without the
-//! transverse terms of compressed springs, which is always positive definite: where nothing is compressed that is A itself.
+//! The last is `wᵀBw ≤ c‖uᵢ − uⱼ‖² ≤ 2c (‖uᵢ‖² + ‖uⱼ‖²)`, summed. u comes from the solver of `eigen`, preconditioned with multigrid for A
+//! without the transverse terms of compressed springs, which is positive definite.
 
-use super::critical::LargestStep;
+use super::critical::{LargestStep, MatrixPencil, Property};
 use super::culprits::direction;
-use super::inertia::{Inertia, lightest};
-use super::inspection::{Inspection, place};
-use super::matrix_pencil::{MatrixPencil, Property};
-use super::quick_check::FirstAnswer;
-use super::skipped::{Part, SkipReason, Skipped};
-use super::spectrum::Spectrum;
+use super::inertia::{Inertia, largest_at_particle, lightest};
+use super::inspection::{FirstAnswer, Inspection, Part, SkipReason, Skipped, index_of};
+use super::spectrum::{ROUNDING, Spectrum};
 use crate::eigen::{BlockLanczos, Eigenpair, End, Search, Tolerance};
 use crate::error::Result;
 use crate::force::SpringGeometry;
@@ -32,34 +29,18 @@ use crate::spring::{SpringBlock, Stiffness};
 use crate::system::{State, System};
 use crate::work::Work;
 
-/// Bytes for every row: two bases of 26 vectors, multigrid beside them, and what else is as long.
-const ROW: u64 = 800;
-
-/// Vectors that are improved together, and vectors in the basis.
-const BLOCK: usize = 3;
-const CAPACITY: usize = 16;
-
-/// Blocks of the search for λ_min at most, and of that for λ_max, which has blocks of one.
-const STEPS: usize = 40;
-const LARGEST: usize = 160;
-
-/// An eigenvalue is good enough when A has one within this part of it.
-const ENOUGH: f64 = 1e-3;
-
-/// Curvature below which a sign is one, as a part of ‖A‖: products of rows of some hundred entries have errors of 1e-15 of it.
-const SIGN: f64 = 1e-13;
-
 impl Inspection {
-    /// By products and multigrid alone; what they cannot tell is skipped, for a reason.
+    /// By products and multigrid alone; the other parts are skipped for a reason.
     pub(super) fn estimated(
         system: &System,
         state: &State,
         dt: f64,
         option: Stiffness,
         why: SkipReason,
-        onlooker: &mut dyn FnMut(f64, &Self),
+        observer: &mut dyn FnMut(f64, &Self),
     ) -> Result<Self> {
-        memory::ensure(ROW * system.dofs().len() as u64, "an estimate of eigenvalues")?;
+        // Two bases of 26 vectors, multigrid beside them, and other vectors.
+        memory::ensure(800 * system.dofs().len() as u64, "an estimate of eigenvalues")?;
         let extensions = SpringGeometry::at(system, state)?;
         let mut found = Self::unknown(system, &extensions, dt, option);
         found.skipped = Part::all().map(|part| Skipped { part, why }).collect();
@@ -74,18 +55,17 @@ impl Inspection {
             let spectrum = spectrum(&a, multigrid.as_mut(), near.as_ref(), &mut found.work);
             let lowest = spectrum.lowest.first().cloned();
             let is_definite = proves_definite(&a);
-            let told = &mut found.options[place(each)];
-            told.take(&spectrum);
+            let figures = &mut found.options[index_of(each)];
+            figures.set_spectrum(&spectrum);
             if is_definite {
-                told.inertia = Inertia::definite(a.order());
-                told.critical = LargestStep::Every;
-                found.known(Part::Signs(each));
-                found.known(Part::Definite(each));
-            } else if each != Stiffness::Full {
-                told.critical = LargestStep::Every;
-                found.known(Part::Definite(each));
+                figures.inertia = Inertia::definite(a.order());
+                found.set_known(Part::Signs(each));
             }
-            found.told_by_estimate(Part::Spectrum(each));
+            if is_definite || each != Stiffness::Full {
+                found.options[index_of(each)].critical = LargestStep::Every;
+                found.set_known(Part::Definite(each));
+            }
+            found.set_estimated(Part::Spectrum(each));
             if each == option {
                 if let Some(pair) = &lowest {
                     found.answer(system, &extensions, &a, pair);
@@ -93,51 +73,51 @@ impl Inspection {
                 found.examine(system, &extensions, spectrum);
             }
             near = lowest.or(near);
-            onlooker(0.1 + 0.3 * (k + 1) as f64, &found);
+            observer(0.1 + 0.3 * (k + 1) as f64, &found);
         }
         found.settled_by_springs(system, &extensions);
         Ok(found)
     }
 
-    /// Takes over an answer to the first question.
+    /// Sets the answer of the quick check.
     fn answer(&mut self, system: &System, extensions: &SpringGeometry, a: &SystemOperator<'_>, pair: &Eigenpair) {
-        let is_indefinite = pair.value < -SIGN * proven_ceiling(a);
+        let is_indefinite = pair.value < -ROUNDING * proven_ceiling(a);
         let is_proven = is_indefinite || proves_definite(a);
         let direction = direction(system, extensions, self.option, pair);
         self.first = Some(FirstAnswer { definite: !is_indefinite, is_proven, direction, residual: pair.residual });
         match is_proven {
-            true => self.known(Part::FirstAnswer),
-            false => self.told_by_estimate(Part::FirstAnswer),
+            true => self.set_known(Part::FirstAnswer),
+            false => self.set_estimated(Part::FirstAnswer),
         }
     }
 
-    /// What no spring's block leaves open: without negative ones nothing grows and every step is definite.
+    /// Without negative blocks nothing grows and every step is definite.
     fn settled_by_springs(&mut self, system: &System, extensions: &SpringGeometry) {
         let k = Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 };
         if SystemOperator::new(system, extensions, Stiffness::Full, k).has_no_negative_block() {
             self.growing_modes = 0;
-            let full = &mut self.options[place(Stiffness::Full)];
+            let full = &mut self.options[index_of(Stiffness::Full)];
             (full.critical, full.stable) = (LargestStep::Every, LargestStep::Every);
             for part in [Part::GrowingModes, Part::SmallestSet, Part::Stable(Stiffness::Full)] {
-                self.known(part);
+                self.set_known(part);
             }
         }
         let mut pencil = MatrixPencil::new(system, extensions.clone());
         for option in [Stiffness::Tension, Stiffness::Axial] {
             pencil.set(Property::Stable, option, 0.0);
             if pencil.operator().has_no_negative_block() {
-                self.options[place(option)].stable = LargestStep::Every;
-                self.known(Part::Stable(option));
+                self.options[index_of(option)].stable = LargestStep::Every;
+                self.set_known(Part::Stable(option));
             }
         }
     }
 
-    fn known(&mut self, part: Part) {
+    fn set_known(&mut self, part: Part) {
         self.skipped.retain(|skipped| skipped.part != part);
     }
 
-    fn told_by_estimate(&mut self, part: Part) {
-        self.known(part);
+    fn set_estimated(&mut self, part: Part) {
+        self.set_known(part);
         if !self.estimated.contains(&part) {
             self.estimated.push(part);
         }
@@ -147,7 +127,7 @@ impl Inspection {
 /// Multigrid for a positive definite A, where there is the memory for it.
 fn multigrid(system: &System, state: &State, positive: &SystemOperator<'_>) -> Option<Multigrid> {
     let mut multigrid = Multigrid::new(system).ok()?;
-    multigrid.place(&state.positions);
+    multigrid.set_positions(&state.positions);
     multigrid.refill(positive).ok()?;
     multigrid.rebuild(positive).ok()?;
     Some(multigrid)
@@ -162,12 +142,12 @@ fn spectrum(
 ) -> Spectrum {
     let n = a.order();
     let mut apply = |x: &[f64], y: &mut [f64]| x.chunks(n).zip(y.chunks_mut(n)).for_each(|(x, y)| a.apply(x, y));
-    let search = |end, block| Search { end, wanted: 1, block, capacity: CAPACITY };
-    let tolerance = Tolerance { of_value: ENOUGH, of_norm: 0.0 };
+    let search = |end, block| Search { end, wanted: 1, block, capacity: 16 };
+    let tolerance = Tolerance { of_value: 1e-3, of_norm: 0.0 };
     let mut high = BlockLanczos::new(n, None, search(End::Highest, 1), 3);
     high.refresh(&mut apply);
-    let high = high.iterate(tolerance, LARGEST, &mut apply, None);
-    let mut low = BlockLanczos::new(n, None, search(End::Lowest, BLOCK), 4);
+    let high = high.iterate(tolerance, 160, &mut apply, None);
+    let mut low = BlockLanczos::new(n, None, search(End::Lowest, 3), 4);
     low.start(start.iter().map(|pair| &pair.vector[..]), &mut apply);
     low.refresh(&mut apply);
     let mut precondition = |r: &[f64], z: &mut [f64]| match &mut multigrid {
@@ -177,14 +157,14 @@ fn spectrum(
         }
         None => z.copy_from_slice(r),
     };
-    let low = low.iterate(tolerance, STEPS, &mut apply, Some(&mut precondition));
+    let low = low.iterate(tolerance, 40, &mut apply, Some(&mut precondition));
     let pair = |pair: crate::eigen::Ritz| Eigenpair { value: pair.value, vector: pair.vector, residual: pair.residual };
     let lowest: Vec<Eigenpair> = low.into_iter().map(pair).collect();
     let smallest = lowest.first().map_or(f64::NAN, |pair| pair.value);
     let largest = high.first().map_or(f64::NAN, |pair| pair.value);
     let ceiling = proven_ceiling(a);
-    let rounding = SIGN * ceiling;
-    // Of an indefinite A another eigenvalue may be nearer to zero than λ_min, and nothing is known of it.
+    let rounding = ROUNDING * ceiling;
+    // An indefinite A may have another eigenvalue nearer to zero than λ_min.
     let condition = if smallest > 0.0 { largest.abs().max(smallest) / smallest } else { f64::NAN };
     let (smallest_within, largest_within) = ([proven_floor(a), smallest + rounding], [largest - rounding, ceiling]);
     Spectrum { lowest, largest, condition, smallest_within, largest_within }
@@ -195,22 +175,14 @@ fn proven_floor(a: &SystemOperator<'_>) -> f64 {
     if a.has_no_negative_block() { a.mass_factor() * lightest(a.system()) } else { f64::NEG_INFINITY }
 }
 
-/// A bound for λ_max.
+/// An upper bound for λ_max.
 fn proven_ceiling(a: &SystemOperator<'_>) -> f64 {
-    let system = a.system();
-    let highest = |block: &SpringBlock| block.axial.max(block.transverse).max(0.0);
-    let mut sums: Vec<f64> = system.masses().iter().map(|mass| a.mass_factor() * mass).collect();
-    sums.iter_mut().zip(a.external()).for_each(|(sum, block)| *sum += block.norm());
-    for ((_, [i, j], _), block) in system.active().zip(a.blocks()) {
-        sums[i] += 2.0 * highest(block);
-        sums[j] += 2.0 * highest(block);
-    }
-    let free = sums.iter().enumerate().filter(|(p, _)| !system.dofs().rows(*p).is_empty());
-    free.map(|(_, sum)| *sum).fold(0.0, f64::max)
+    let highest = |block: &SpringBlock, _| 2.0 * block.axial.max(block.transverse).max(0.0);
+    largest_at_particle(a, |mass| a.mass_factor() * mass, |block| block.norm(), highest, |sum, _| sum)
 }
 
-/// Whether the blocks prove that A is positive definite.
+/// The blocks prove that A is positive definite.
 fn proves_definite(a: &SystemOperator<'_>) -> bool {
     let floor = proven_floor(a);
-    floor > SIGN * proven_ceiling(a) && floor.is_finite()
+    floor > ROUNDING * proven_ceiling(a) && floor.is_finite()
 }

@@ -7,8 +7,8 @@ use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
 #[derive(Clone, Copy)]
 pub struct Pin {
     pub mass: f64,
-    /// What the spring takes from −K across itself, in N/m, and as much as it adds along itself; below zero it is a stretched spring,
-    /// which adds across what is told, and along itself twice that.
+    /// Transverse stiffness taken from −K, in N/m, and added along the spring; below zero the spring is stretched, which adds as much
+    /// across and twice that along.
     pub taken: f64,
     /// In N s/m.
     pub damping: f64,

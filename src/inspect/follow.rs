@@ -1,20 +1,121 @@
-//! Following a run: what it loses first, and after how many steps.
-//!
-//! What holds at one state does not hold at the next: springs become taut, slack or fast. A [`Follower`] looks at state after
-//! state and remembers where each of four things was lost first: that A is [definite](DefinitenessWatch), that the step is
-//! [stable](Property::Stable), that it does not [turn](Turn) springs too far, and that energy only comes from
-//! work, by the [ledger](Monitor). The first three are properties of a state, known before the step that goes wrong; the last is what a wrong step leaves.
+//! Following a run: the property that it loses first, and after how many steps.
 
-use super::definiteness_watch::{DefinitenessWatch, Loss};
-use super::matrix_pencil::Property;
+use super::critical::{MatrixPencil, Property};
+use super::culprits::{Culprit, direction};
 use super::rotation_limit::Turn;
+use crate::assembly::{SpringPattern, SystemMatrix};
+use crate::eigen::{Pencil, eigenpair, unit};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Energy, SpringGeometry};
 use crate::integrate::{ErrorIndicators, Monitor, MonitorOptions};
+use crate::linear::Ldlt;
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use faer::Par;
 use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// A state at which A is not positive definite.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Loss {
+    /// Steps done before it.
+    pub step: u64,
+    /// Its time, in s.
+    pub time: f64,
+    /// The option of A.
+    pub option: Stiffness,
+    /// Negative pivots of A: directions of negative curvature, unless the factorization has lost its digits.
+    pub negative: usize,
+    /// `uᵀAu` of the unit vector u along which the culprits were found, in N/m.
+    pub curvature: f64,
+    /// The springs behind that curvature, worst first.
+    pub culprits: Vec<Culprit>,
+}
+
+/// Watches A for one step length and option, state after state: one factorization each, on one symbolic analysis.
+///
+/// # Examples
+/// ```
+/// use faer::Par;
+/// use sprung::Stiffness;
+/// use sprung::inspect::DefinitenessWatch;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// // A step of one second is too long for a compressed spring.
+/// let mut watch = DefinitenessWatch::new(&system, &state, Stiffness::Full, 1.0, Par::Seq)?;
+/// assert!(watch.look(0, &state)?.is_some());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct DefinitenessWatch<'s> {
+    system: &'s System,
+    property: Property,
+    option: Stiffness,
+    dt: f64,
+    pencil: MatrixPencil<'s>,
+    matrix: SystemMatrix,
+    factorization: Ldlt,
+    direction: Vec<f64>,
+}
+
+impl<'s> DefinitenessWatch<'s> {
+    /// For steps of length dt of a system in a state like the given one.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring; a matrix that is too large.
+    pub fn new(system: &'s System, state: &State, option: Stiffness, dt: f64, par: Par) -> Result<Self> {
+        Self::of(Property::Definite, system, state, option, dt, par)
+    }
+
+    /// As [`new`](Self::new), for the matrix whose definiteness is that property.
+    fn of(property: Property, system: &'s System, state: &State, option: Stiffness, dt: f64, par: Par) -> Result<Self> {
+        let pencil = MatrixPencil::new(system, SpringGeometry::at(system, state)?);
+        let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
+        let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
+        let direction = vec![0.0; system.dofs().len()];
+        Ok(Self { system, property, option, dt, pencil, matrix, factorization, direction })
+    }
+
+    /// At a state: the matrix can be factored, and is positive definite.
+    fn factor(&mut self, state: &State) -> Result<[bool; 2], DegenerateSpring> {
+        self.pencil.update(state)?;
+        self.pencil.set(self.property, self.option, self.dt.recip());
+        self.matrix.refill(self.pencil.operator());
+        let is_factored = self.factorization.factor(self.matrix.matrix()).is_ok();
+        Ok([is_factored, is_factored && self.factorization.is_positive()])
+    }
+
+    /// The loss at a state; `None` where A is positive definite.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring.
+    pub fn look(&mut self, step: u64, state: &State) -> Result<Option<Loss>, DegenerateSpring> {
+        let [factored, is_positive] = self.factor(state)?;
+        if is_positive {
+            return Ok(None);
+        }
+        let negative = self.factorization.pivots().filter(|&(_, d)| d < 0.0).count();
+        let mut loss =
+            Loss { step, time: state.time, option: self.option, negative, curvature: f64::NAN, culprits: Vec::new() };
+        if factored && self.factorization.negative_direction(&mut self.direction) {
+            let pencil = Pencil::of(self.matrix.matrix());
+            let lost = unit(self.direction.clone()).map(|u| eigenpair(&pencil, u));
+            // One inverse iteration leads to the eigenvector nearest to zero, which may lie above it.
+            self.factorization.substitute(&mut self.direction);
+            let nearest = unit(self.direction.clone()).map(|u| eigenpair(&pencil, u)).filter(|pair| pair.value < 0.0);
+            if let Some(pair) = nearest.or(lost) {
+                loss.curvature = pair.value;
+                loss.culprits = direction(self.system, self.pencil.extensions(), self.option, &pair).culprits;
+            }
+        }
+        Ok(Some(loss))
+    }
+}
 
 /// A point of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,24 +126,24 @@ pub struct Passed {
     pub time: f64,
 }
 
-/// Energy that came from nowhere.
+/// Energy from nowhere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gain {
-    /// What was gained since the energy not accounted for by work and damping was lowest, in J: nothing that is passive gains any.
+    /// The growth of energy since its lowest balance, in J: a passive system has none.
     pub gained: f64,
-    /// What the motion has exchanged until then, in J.
+    /// Energy that the motion has exchanged until then, in J.
     pub exchanged: f64,
 }
 
-/// What a run lost first, each where it did.
+/// The properties that a run has lost, each where it was lost first.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FirstLosses {
     /// A is not positive definite.
     pub definite: Option<Loss>,
-    /// A is, but the step is longer than the largest stable one. Looked for under `Axial` only: the other options
-    /// lose definiteness first, or nothing.
+    /// A is, but the step is longer than the largest stable one. Watched under `Axial` only: the other options lose definiteness
+    /// first, or nothing.
     pub stable: Option<Passed>,
-    /// The step has turned a spring too far.
+    /// The step has rotated a spring too far.
     pub turning: Option<(Passed, Turn)>,
     /// Energy has appeared from nowhere.
     pub energy: Option<(Passed, Gain)>,
@@ -61,25 +162,22 @@ impl FirstLosses {
     }
 }
 
-/// A tenth of the energy exchanged counts as a gain: methods that keep energy on average let it swing by a few per cent.
-const GAIN: f64 = 0.1;
-
-/// Rounding of the energies themselves is no gain: sums over springs, each of a difference of lengths.
-const ROUNDING: f64 = 1e-10;
-
-/// How far sums of these energies may be wrong, in J.
+/// The rounding error of sums of these energies, in J.
 fn rounding(now: Energy, initial: Energy) -> f64 {
-    ROUNDING * (now.kinetic + now.elastic + now.gravitational.abs() + initial.gravitational.abs())
+    1e-10 * (now.kinetic + now.elastic + now.gravitational.abs() + initial.gravitational.abs())
 }
 
-/// Looks at the states of a run, for one option and one step length.
+/// Follows a run, for one option and one step length, and remembers where each of four properties was lost first: that A is
+/// [definite](DefinitenessWatch), that the step is [stable](Property::Stable), that it does not [rotate](Turn) springs too far,
+/// and that energy comes from work alone, by the [energy balance](Monitor). The first three are properties of a state, known
+/// before the step that goes wrong; the last follows a wrong step.
 pub struct Follower<'s> {
     system: &'s System,
     option: Stiffness,
     dt: f64,
     definiteness: DefinitenessWatch<'s>,
     stability: Option<DefinitenessWatch<'s>>,
-    /// The state looked at last, and where its springs were.
+    /// Positions and springs at the last state.
     before: Vec<Vector3<f64>>,
     extensions: SpringGeometry,
     monitor: Monitor<'s>,
@@ -87,7 +185,7 @@ pub struct Follower<'s> {
 }
 
 impl<'s> Follower<'s> {
-    /// Looks at the state from which a run starts with steps of length dt, in s.
+    /// At the start of a run with steps of length dt, in s.
     ///
     /// # Errors
     /// Coincident ends of a spring; a matrix that is too large.
@@ -110,7 +208,7 @@ impl<'s> Follower<'s> {
         Ok(follower)
     }
 
-    /// Looks at the next state, after so many steps.
+    /// Looks at the state after so many steps.
     ///
     /// # Errors
     /// Coincident ends of a spring.
@@ -124,35 +222,35 @@ impl<'s> Follower<'s> {
             self.extensions.update(self.system, state)?;
         }
         if self.first.energy.is_none() {
-            // It ends no run that was not asked to: what it finds is looked at here.
+            // It does not end the run.
             let _ = self.monitor.enter(step, state, self.dt);
             self.first.energy = self.gain(state).map(|gain| (passed, gain));
         }
         self.look_at(step, state)
     }
 
-    /// What energy has been gained, where it is worth a word.
+    /// Energy from nowhere, from a tenth of the energy exchanged on: methods that keep energy on average let it swing.
     fn gain(&self, state: &State) -> Option<Gain> {
         let ErrorIndicators { gained, exchanged, .. } = self.monitor.indicators(state);
         let rounding = rounding(self.monitor.energy(), self.monitor.initial());
-        // A NaN is a gain too: it did not come from a passive scene.
-        let kept = gained <= GAIN * exchanged || gained <= rounding;
-        (!kept).then_some(Gain { gained, exchanged })
+        // A NaN is a gain too.
+        let is_passive = gained <= 0.1 * exchanged || gained <= rounding;
+        (!is_passive).then_some(Gain { gained, exchanged })
     }
 
-    /// What depends on the state alone.
+    /// The properties of a state.
     fn look_at(&mut self, step: u64, state: &State) -> Result<(), DegenerateSpring> {
         if self.first.definite.is_none() {
             self.first.definite = self.definiteness.look(step, state)?;
         }
         if let (None, Some(watch)) = (self.first.stable, &mut self.stability) {
-            let stable = watch.holds(state)?;
+            let [_, stable] = watch.factor(state)?;
             self.first.stable = (!stable).then_some(Passed { step, time: state.time });
         }
         Ok(())
     }
 
-    /// What has been lost until now.
+    /// The properties lost until now.
     pub fn first_losses(&self) -> &FirstLosses {
         &self.first
     }
@@ -160,7 +258,11 @@ impl<'s> Follower<'s> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Energy, rounding};
+    use super::{DefinitenessWatch, Energy, rounding};
+    use crate::inspect::fixtures::{pin, pinned};
+    use crate::spring::{Spring, Stiffness};
+    use crate::system::SystemBuilder;
+    use faer::Par;
 
     /// 10⁻¹⁰ of all of them, whatever their signs.
     #[test]
@@ -170,5 +272,30 @@ mod tests {
         assert!((found / 4321e-10 - 1.0).abs() < 1e-12, "{found}");
         let found = rounding(energy(1.0, 20.0, 300.0), energy(7.0, 9.0, 4000.0));
         assert!((found / 4321e-10 - 1.0).abs() < 1e-12, "{found}");
+    }
+
+    /// m/dt² is what the spring takes, exactly: A is not definite any more, and has no negative pivot yet.
+    #[test]
+    fn a_pivot_of_zero_is_a_loss_but_not_negative() {
+        for (mass, negative) in [(11.0, None), (10.0, Some(0)), (9.0, Some(1))] {
+            let (system, state) = pinned(&[pin(mass, 10.0)]);
+            let mut watch = DefinitenessWatch::new(&system, &state, Stiffness::Full, 1.0, Par::Seq).unwrap();
+            let loss = watch.look(7, &state).unwrap();
+            assert_eq!(loss.map(|loss| loss.negative), negative, "{mass}");
+        }
+    }
+
+    /// Two free particles a metre apart with a pressed spring between them: across it A = [[a − c, c], [c, a − c]] with a = 0.2 N/m and
+    /// c = 10 N/m, of the eigenvalues 0.2 and −19.8. Inverse iteration leads to the first, along which nothing is lost.
+    #[test]
+    fn what_is_lost_has_negative_curvature_and_culprits() {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        let [i, j] = [0.0, 1.0].map(|x| builder.particle([x, 0.0, 0.0], 0.2));
+        builder.spring(i, j, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+        let (system, state) = builder.build().unwrap();
+        let mut watch = DefinitenessWatch::new(&system, &state, Stiffness::Full, 1.0, Par::Seq).unwrap();
+        let loss = watch.look(0, &state).unwrap().unwrap();
+        assert_eq!((loss.negative, loss.culprits.len()), (1, 1));
+        assert!(loss.curvature < 0.0, "{}", loss.curvature);
     }
 }

@@ -1,21 +1,19 @@
-//! How many eigenvalues of a symmetric matrix are negative, zero and positive, with a measured certificate.
+//! The numbers of negative, zero and positive eigenvalues of a symmetric matrix, with a measured certificate.
 //!
 //! **Sylvester's law.** A and `S A Sᵀ` have as many negative, zero and positive eigenvalues, for every invertible S. So the
 //! signs of the blocks of B in `A = L B Lᵀ` count those of A: the *inertia*, without one eigenvalue being computed.
 //!
-//! **Why a count can be wrong.** What is computed is the factorization of a matrix nearby, `L B Lᵀ = A + E`. By Weyl's
-//! theorem eigenvalues move by at most `‖E‖`, so signs of eigenvalues above `‖E‖` are counted right, those below may not be.
-//! An indefinite matrix can make E arbitrarily large without any pivot failing. Hence:
+//! **Rounding.** The factorization is that of a matrix nearby, `L B Lᵀ = A + E`. By Weyl's theorem eigenvalues move by at most
+//! `‖E‖`, so the signs of eigenvalues above `‖E‖` are right. An indefinite matrix can make E arbitrarily large without any pivot
+//! failing. Hence:
 //!
-//! 1. A is *equilibrated*, `C = S A S` with S a diagonal of powers of two (exact in floating point) that brings the largest
-//!    entry of every row near 1. Masses or stiffnesses of very different size then no longer hide small eigenvalues.
-//! 2. `C − τ` and `C + τ` are factored. The first counts the eigenvalues below τ, the second those below −τ.
-//!    What lies between the two has no sign that this precision could tell, and is reported as *zero*. Where the first
-//!    finds nothing negative, A is positive definite and the second is not needed.
-//! 3. E is measured: `‖E‖ ≤ 10 √(2/π) maxᵢ ‖E gᵢ‖` for r Gaussian vectors gᵢ, wrong with probability 10⁻ʳ (Halko,
-//!    Martinsson and Tropp 2011, lemma 4.1); here r = 6. If the bound exceeds τ/2, the matrix is factored again with
-//!    pivoting inside supernodes, then, if it is small, densely; otherwise τ is widened to what the factorization can vouch for, and
-//!    counted again.
+//! 1. A is *equilibrated*, `C = S A S` with S a diagonal of powers of two that brings the largest entry of every row near 1: masses
+//!    or stiffnesses of very different size then hide no small eigenvalues.
+//! 2. `C − τ` and `C + τ` are factored. The first counts the eigenvalues below τ, the second those below −τ; those between count as
+//!    *zero*. Where the first has no negative pivot A is positive definite, and the second is not needed.
+//! 3. E is measured: `‖E‖ ≤ 10 √(2/π) maxᵢ ‖E gᵢ‖` for r Gaussian vectors gᵢ, wrong with probability 10⁻ʳ (Halko, Martinsson and
+//!    Tropp 2011, lemma 4.1); here r = 6. If the bound exceeds τ/2, the matrix is factored again with pivoting inside supernodes,
+//!    then, if it is small, densely; otherwise τ is widened to the measured error, and the count repeated.
 //!
 //! The result holds for every eigenvalue of C outside ±[`band`](Inertia::band). For a well-behaved matrix the band is
 //! `48 √n u‖C‖` with u = 2⁻⁵³: about 10⁻¹³ for a hundred degrees of freedom, 10⁻¹¹ for a hundred thousand.
@@ -25,13 +23,15 @@ use crate::eigen::gaussian;
 use crate::error::Result;
 use crate::linear::{FactorKind, Factorization, PivotSigns, PivotedLdlt, Pivoting, norm};
 use crate::operator::{LinearOperator, SystemOperator};
+use crate::spring::SpringBlock;
 use crate::system::System;
 use crate::work::Work;
 use faer::{Mat, Par, Side};
+use nalgebra::Matrix3;
 use rand::SeedableRng;
 use rand::rngs::Xoshiro256PlusPlus;
 
-/// Numbers of eigenvalues by sign, and how far they can be trusted.
+/// Numbers of eigenvalues by sign, with the error of the count.
 ///
 /// # Examples
 /// ```
@@ -63,11 +63,11 @@ pub struct Inertia {
     pub band: f64,
     /// Measured bound on `‖C ± τ − L B Lᵀ‖/‖C‖` for the factorizations that were counted.
     pub factorization_error: f64,
-    /// How it was counted.
+    /// The factorization in which it was counted.
     pub method: InertiaMethod,
 }
 
-/// Which factorization the signs were counted in.
+/// The factorization in which signs were counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum InertiaMethod {
     /// Sparse, without pivoting.
@@ -91,52 +91,47 @@ impl Inertia {
         Ok(InertiaCounter::new(a.pattern(), Par::Seq)?.count(a, &mut Work::default()))
     }
 
-    /// Nothing is known of any of n eigenvalues.
+    /// n eigenvalues of unknown sign.
     pub(super) fn undecided(n: usize, band: f64) -> Self {
         let (factorization_error, method) = (f64::INFINITY, InertiaMethod::None);
         Self { negative: 0, zero: n, positive: 0, band, factorization_error, method }
     }
 
-    /// Of n eigenvalues that are all positive, by masses and springs.
+    /// n positive eigenvalues, proven by masses and springs.
     pub(super) fn definite(n: usize) -> Self {
         let (factorization_error, method) = (0.0, InertiaMethod::Springs);
         Self { negative: 0, zero: 0, positive: n, band: 0.0, factorization_error, method }
     }
 
-    /// Whether every eigenvalue is positive beyond doubt.
+    /// Every eigenvalue is positive.
     pub fn is_definite(&self) -> bool {
         self.negative == 0 && self.zero == 0
     }
 }
 
-/// Half-width of the band that is tried first, in units of `√n u‖C‖`: the measured bound of a factorization that loses no digits is about
-/// 11 of them for matrices of 10³ to 10⁵ rows, and twice that is what a band needs.
+/// The first half-width of the band, in units of `√n u‖C‖`: twice the measured error of factorizations that lose no digits, about 11
+/// units for matrices of 10³ to 10⁵ rows, and some more.
 const FIRST_SHIFT: f64 = 32.0;
 
-/// A bound below which no pivoting makes a factorization better, in the same units.
+/// The error below which pivoting does not improve a factorization, in the same units.
 const STABLE: f64 = 64.0;
 
-/// How often the band is widened before the count is given up.
-const WIDENINGS: usize = 4;
-
-/// Up to this order a matrix that defeats the sparse factorization is factored densely.
-const LARGEST_DENSE: usize = 2000;
+/// The largest order of a dense factorization.
+const LARGEST_DENSE_FACTOR: usize = 2000;
 
 /// Gaussian vectors that measure a factorization: its error is underestimated with probability 10⁻⁶.
 const PROBES: usize = 6;
 
-/// Counts inertia for matrices of one pattern: analysed once. Matrices that come one after the other are much alike: what the last one
-/// needed is where the next begins.
+/// Counts inertia for matrices of one pattern, analysed once. Each count begins with the method that the last one needed.
 pub struct InertiaCounter {
     factorization: PivotedLdlt,
-    /// The method that was good enough.
-    method: InertiaMethod,
+    pub(super) method: InertiaMethod,
 }
 
-struct Count {
+pub(super) struct Count {
     signs: PivotSigns,
-    error: f64,
-    method: InertiaMethod,
+    pub error: f64,
+    pub method: InertiaMethod,
 }
 
 impl InertiaCounter {
@@ -174,7 +169,7 @@ impl InertiaCounter {
         }
         let mut shift = FIRST_SHIFT * unit(n);
         let mut method = self.method;
-        for _ in 0..=WIDENINGS {
+        for _ in 0..5 {
             let below = self.factor(&c, -shift * scale, scale, shift, method, work);
             method = below.method;
             let mut error = below.error;
@@ -191,13 +186,14 @@ impl InertiaCounter {
                 let zero = n.saturating_sub(positive + negative);
                 return Inertia { negative, zero, positive, band: 1.5 * shift, factorization_error: error, method };
             }
-            shift = wider(shift, error);
+            // Where a pivot vanished the error is not finite; another shift has other pivots.
+            shift = if error.is_finite() { 4.0 * error } else { 2.0 * shift };
         }
         undecided(1.5 * shift)
     }
 
     /// Factors `C + shift` with a method, and with better ones as long as the error is too large for a band of `tolerance`.
-    fn factor(
+    pub(super) fn factor(
         &mut self,
         c: &SymmetricMatrix,
         shift: f64,
@@ -210,7 +206,7 @@ impl InertiaCounter {
         shifted.shift(shift);
         let mut count = Count { signs: PivotSigns::default(), error: f64::INFINITY, method: first };
         for method in [InertiaMethod::Sparse, InertiaMethod::Pivoted, InertiaMethod::Dense] {
-            let affordable = method != InertiaMethod::Dense || c.order() <= LARGEST_DENSE;
+            let affordable = method != InertiaMethod::Dense || c.order() <= LARGEST_DENSE_FACTOR;
             let is_good = count.error <= f64::max(tolerance / 2.0, STABLE * unit(c.order()));
             if method < first || !affordable || is_good {
                 continue;
@@ -261,19 +257,13 @@ fn unit(n: usize) -> f64 {
     (n as f64).sqrt() * f64::EPSILON / 2.0
 }
 
-/// What is tried after a band for which a factorization was not good enough. Where a pivot vanished its error is not finite: another shift has
-/// other pivots.
-fn wider(shift: f64, error: f64) -> f64 {
-    if error.is_finite() { 4.0 * error } else { 2.0 * shift }
-}
-
-/// Where no spring's block has a negative eigenvalue, `λ_min(A) ≥ min mᵢ·mass` without any factorization: A, assembled from an operator with
-/// this coefficient of the masses, is definite. `None` where a block is not, or that bound is so far below ‖A‖ that a count might not tell it
-/// from zero.
+/// If no spring's block has a negative eigenvalue, `λ_min(A) ≥ min mᵢ·mass` without any factorization, for A assembled from an
+/// operator with this coefficient of the masses. `None` where a block has one, or where that bound is below 10⁻⁹ ‖A‖, near the band
+/// of a count.
 pub(super) fn definite_by_blocks(operator: &SystemOperator<'_>, a: &SymmetricMatrix, mass: f64) -> Option<Inertia> {
     let (n, system) = (a.order(), operator.system());
     let floor = mass * lightest(system);
-    let is_visible = floor > VISIBLE * a.norm_inf(&mut vec![0.0; n]);
+    let is_visible = floor > 1e-9 * a.norm_inf(&mut vec![0.0; n]);
     let is_definite = n > 0 && is_visible && operator.has_no_negative_block();
     is_definite.then(|| Inertia::definite(n))
 }
@@ -284,12 +274,31 @@ pub(super) fn lightest(system: &System) -> f64 {
     free.map(|(_, mass)| *mass).fold(f64::INFINITY, f64::min)
 }
 
-/// Relative to ‖A‖; well above the band of any count.
-const VISIBLE: f64 = 1e-9;
+/// The largest over all free particles of a sum over the blocks at each: `start` of its mass, then the external block, then every
+/// spring's block (with `true` where both ends are free); `finish` takes the sum and the mass.
+pub(super) fn largest_at_particle(
+    a: &SystemOperator<'_>,
+    start: impl Fn(f64) -> f64,
+    external: impl Fn(&Matrix3<f64>) -> f64,
+    spring: impl Fn(&SpringBlock, bool) -> f64,
+    finish: impl Fn(f64, f64) -> f64,
+) -> f64 {
+    let (system, dofs) = (a.system(), a.system().dofs());
+    let is_free = |p: usize| !dofs.rows(p).is_empty();
+    let mut sums: Vec<f64> = system.masses().iter().map(|&mass| start(mass)).collect();
+    sums.iter_mut().zip(a.external()).for_each(|(sum, block)| *sum += external(block));
+    for ((_, [i, j], _), block) in system.active().zip(a.blocks()) {
+        let share = spring(block, is_free(i) && is_free(j));
+        sums[i] += share;
+        sums[j] += share;
+    }
+    let free = sums.iter().zip(system.masses()).enumerate().filter(|&(p, _)| is_free(p));
+    free.map(|(_, (&sum, &mass))| finish(sum, mass)).fold(0.0, f64::max)
+}
 
 /// `C = S A S` with powers of two on the diagonal of S, three rounds of dividing rows and columns by the root of their
 /// largest entry (Ruiz 2001). An empty row stays.
-fn equilibrated(a: &SymmetricMatrix) -> SymmetricMatrix {
+pub(super) fn equilibrated(a: &SymmetricMatrix) -> SymmetricMatrix {
     let mut c = a.clone();
     let n = a.order();
     let (mut largest, mut scaling) = (vec![0.0; n], vec![0.0; n]);
@@ -311,7 +320,7 @@ fn equilibrated(a: &SymmetricMatrix) -> SymmetricMatrix {
 }
 
 /// Signs in a dense Bunch–Kaufman factorization, and the Frobenius norm of its error.
-fn dense_signs(a: &SymmetricMatrix) -> (PivotSigns, f64) {
+pub(super) fn dense_signs(a: &SymmetricMatrix) -> (PivotSigns, f64) {
     let n = a.order();
     let mut dense = Mat::<f64>::zeros(n, n);
     for (row, column, value) in a.iter() {
@@ -339,6 +348,3 @@ fn dense_signs(a: &SymmetricMatrix) -> (PivotSigns, f64) {
     let error = permuted - l * &b * l.transpose();
     (signs, error.norm_l2())
 }
-
-#[cfg(test)]
-mod tests;

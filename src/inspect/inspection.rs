@@ -1,23 +1,76 @@
-//! Everything about the definiteness of A at one state.
+//! The inspection of A at one state: its parts and their results, and a quick check before all else.
 
 use super::critical::LargestStep;
-use super::culprits::{Cluster, Direction, clusters, direction};
+use super::culprits::{Cluster, Culprit, Direction, clusters, direction};
 use super::inertia::Inertia;
-use super::quick_check::FirstAnswer;
 use super::rotation_limit::Turn;
-use super::skipped::{Part, SkipReason, Skipped};
 use super::smallest_set::DropSet;
-use super::spectrum::Spectrum;
-use crate::assembly::SpringPattern;
+use super::spectrum::{ROUNDING, Spectrum};
+use crate::assembly::SymmetricMatrix;
+use crate::eigen::{Eigenpair, Pencil, eigenpair, probe, unit};
 use crate::force::SpringGeometry;
 use crate::linear::Ldlt;
+use crate::operator::LinearOperator;
 use crate::spring::Stiffness;
 use crate::system::System;
 use crate::work::Work;
-use std::fmt::{Debug, Formatter};
-use std::sync::Arc;
+use faer::Par;
 
-/// What A is like under one option.
+/// A part of an inspection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// A quick check: is A positive definite under the examined option, and which spring spoils it most?
+    FirstAnswer,
+    /// The signs of the eigenvalues of A.
+    Signs(Stiffness),
+    /// The modes of the exact motion that grow.
+    GrowingModes,
+    /// The longest step that rotates no spring too far.
+    Turning(Stiffness),
+    /// λ_min, λ_max and the condition number; under the examined option also the springs behind them.
+    Spectrum(Stiffness),
+    /// The longest step for which A is positive definite.
+    Definite(Stiffness),
+    /// The longest step that adds no instability.
+    Stable(Stiffness),
+    /// The transverse terms that must go.
+    SmallestSet,
+    /// λ_min over the time step, in a picture.
+    Curve,
+}
+
+impl Part {
+    /// Every part, in no particular order.
+    pub(super) fn all() -> impl Iterator<Item = Self> {
+        let of_each = [Self::Signs, Self::Spectrum, Self::Definite, Self::Stable];
+        [Self::FirstAnswer, Self::GrowingModes, Self::SmallestSet, Self::Curve]
+            .into_iter()
+            .chain([Self::Turning(Stiffness::Tension), Self::Turning(Stiffness::Axial)])
+            .chain(of_each.into_iter().flat_map(|of| Stiffness::ALL.map(of)))
+    }
+}
+
+/// The reason why a part was skipped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SkipReason {
+    /// Not reached yet.
+    Interrupted,
+    /// Beyond the budget of the inspection.
+    TooMuchWork,
+    /// A factor of A does not fit the memory.
+    TooMuchMemory,
+}
+
+/// A part that was skipped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Skipped {
+    /// The part.
+    pub part: Part,
+    /// The reason.
+    pub why: SkipReason,
+}
+
+/// The properties of A under one option.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OptionInspection {
     /// The option.
@@ -30,44 +83,24 @@ pub struct OptionInspection {
     pub largest: f64,
     /// `max|λ|/min|λ|`; infinite where A is singular to working precision.
     pub condition: f64,
-    /// What λ_min and λ_max lie between, proven, in N/m; infinite where there is no proof.
+    /// Proven bounds of λ_min and of λ_max, in N/m; infinite where there is none.
     pub within: [[f64; 2]; 2],
     /// The largest step for which A is positive definite at this state.
     pub critical: LargestStep,
     /// The largest step for which the method adds no instability of its own at this state.
     pub stable: LargestStep,
-    /// The largest step that turns no spring so far that this brakes or stretches it, see [`Turn`]: no linearisation sees this.
+    /// The largest step that rotates no spring too far, see [`Turn`].
     pub turning: LargestStep,
 }
 
 impl OptionInspection {
-    /// Takes over what a spectrum tells.
-    pub(super) fn take(&mut self, spectrum: &Spectrum) {
+    pub(super) fn set_spectrum(&mut self, spectrum: &Spectrum) {
         (self.smallest, self.largest, self.condition) = (spectrum.smallest(), spectrum.largest, spectrum.condition);
         self.within = [spectrum.smallest_within, spectrum.largest_within];
     }
 }
 
-/// The pattern of A, ordered and analysed, without memory for a factor. A system has one: it is no part of what was found.
-#[derive(Clone)]
-pub(super) struct Analysed {
-    pub pattern: Arc<SpringPattern>,
-    pub factorization: Arc<Ldlt>,
-}
-
-impl PartialEq for Analysed {
-    fn eq(&self, _: &Self) -> bool {
-        true
-    }
-}
-
-impl Debug for Analysed {
-    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Analysed")
-    }
-}
-
-/// The definiteness of `A = M/dt² − G/dt − K` at one state, and what it depends on.
+/// The definiteness of `A = M/dt² − G/dt − K` at one state.
 ///
 /// # Examples
 /// ```
@@ -91,47 +124,41 @@ impl Debug for Analysed {
 pub struct Inspection {
     /// The time step, in s.
     pub dt: f64,
-    /// The option under which the directions were examined.
+    /// The examined option: that of the directions.
     pub option: Stiffness,
     /// A under each option, in the order of [`Stiffness::ALL`].
     pub options: [OptionInspection; 3],
-    /// What was known first: whether A is positive definite under the option, and the spring that spoils it most.
+    /// The quick check under the examined option.
     pub first: Option<FirstAnswer>,
-    /// How many modes of the exact motion grow: negative eigenvalues of −K. No step can make these stable.
+    /// Modes of the exact motion that grow: negative eigenvalues of −K. No step can make these stable.
     pub growing_modes: usize,
-    /// How many springs are shorter than at rest, of those that have a free end.
+    /// Springs shorter than at rest, of those that have a free end.
     pub compressed_springs: usize,
     /// The low end of the spectrum of A under the option.
     pub spectrum: Spectrum,
     /// The direction of the lowest eigenvalue, and of the others that are negative.
     pub directions: Vec<Direction>,
-    /// The main culprits of directions of negative curvature, by where they hang together.
+    /// The main culprits of directions of negative curvature, grouped by shared particles.
     pub clusters: Vec<Cluster>,
-    /// The spring that a step of this length turns worst, under the option; `None` where it turns none.
+    /// The spring that a step of this length rotates worst, under the option; `None` where it rotates none.
     pub turn: Option<Turn>,
-    /// Where A under `Full` is not positive definite: which transverse terms must go.
+    /// The transverse terms that must go, if A under `Full` is not positive definite.
     pub smallest_set: Option<DropSet>,
-    /// What was skipped, with λ_min over the time step, which [`Pictures`](super::Pictures) look at.
+    /// The parts that were skipped.
     pub skipped: Vec<Skipped>,
-    /// Of what was not skipped, what is estimated by products and multigrid, not proven by factorizations; `within` says of each figure what is
-    /// proven of it all the same.
+    /// The parts that are estimated by products and multigrid, not proven by factorizations; see `within` for what is proven.
     pub estimated: Vec<Part>,
-    /// What the inspection cost.
+    /// The work of the inspection.
     pub work: Work,
-    /// The analysis of the pattern, for [`Pictures`](super::Pictures); `None` where nothing was factored.
-    pub(super) analysed: Option<Analysed>,
+    /// Parallelism of the factorizations.
+    pub(super) par: Par,
 }
 
-/// Eigenvalues that differ by less, relatively, are one to those who look at their eigenvectors: where A changes by that much, as it does
-/// when a particle moves by a thousandth of a spring, these turn into any mixture of each other. A small imperfection, as ready
-/// columns have it, leaves two-fold eigenvalues that far apart.
-const SAME: f64 = 1e-3;
-
-/// Directions of negative curvature that are taken apart at most.
+/// The most directions of negative curvature that are analysed.
 pub(super) const DIRECTIONS: usize = 24;
 
 impl Inspection {
-    /// Of which nothing is known yet.
+    /// Nothing is known yet.
     pub(super) fn unknown(system: &System, extensions: &SpringGeometry, dt: f64, option: Stiffness) -> Self {
         let compressed = extensions.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at));
         let unknown = |option| OptionInspection {
@@ -160,26 +187,26 @@ impl Inspection {
             skipped: Vec::new(),
             estimated: Vec::new(),
             work: Work::default(),
-            analysed: None,
+            par: Par::Seq,
         }
     }
 
-    /// Takes over the spectrum under the option that is examined, and takes its negative directions apart, the lowest in any case.
+    /// Sets the spectrum under the examined option, and analyses its negative directions, the lowest in any case.
     pub(super) fn examine(&mut self, system: &System, extensions: &SpringGeometry, spectrum: Spectrum) {
         let count = spectrum.negative().len().clamp(1, DIRECTIONS);
-        let apart = |pair| direction(system, extensions, self.option, pair);
-        self.directions = spectrum.lowest.iter().take(count).map(apart).collect();
+        let analysed = |pair| direction(system, extensions, self.option, pair);
+        self.directions = spectrum.lowest.iter().take(count).map(analysed).collect();
         let bad: Vec<Direction> = self.directions.iter().filter(|d| d.eigenvalue < 0.0).cloned().collect();
         self.clusters = clusters(&bad);
         self.spectrum = spectrum;
     }
 
-    /// What was skipped for a reason.
+    /// The parts skipped for a reason.
     pub fn skipped_for(&self, why: SkipReason) -> impl Iterator<Item = Part> + '_ {
         self.skipped.iter().filter(move |skipped| skipped.why == why).map(|skipped| skipped.part)
     }
 
-    /// Without the picture of λ_min, which nobody waited for.
+    /// The same without λ_min over the time step.
     pub fn without_curve(mut self) -> Self {
         if !self.lacks(Part::Curve) {
             self.skipped.push(Skipped { part: Part::Curve, why: SkipReason::Interrupted });
@@ -187,21 +214,20 @@ impl Inspection {
         self
     }
 
-    /// Whether a part was skipped.
+    /// A part was skipped.
     pub fn lacks(&self, part: Part) -> bool {
         self.skipped.iter().any(|skipped| skipped.part == part)
     }
 
-    /// How many of the eigenvalues that were found equal the lowest, to a thousandth of it: where there are several, any mixture of
-    /// their eigenvectors is as good as one, and the one that was found is no better than others.
+    /// The number of eigenvalues found that equal the lowest, to a thousandth of it: where A changes by as much, as when a particle
+    /// moves by a thousandth of a spring, their eigenvectors mix.
     pub fn multiplicity(&self) -> usize {
         let Some(lowest) = self.spectrum.lowest.first().map(|pair| pair.value) else { return 0 };
-        let same = |value: f64| (value - lowest).abs() <= SAME * lowest.abs();
+        let same = |value: f64| (value - lowest).abs() <= 1e-3 * lowest.abs();
         self.spectrum.lowest.iter().take_while(|pair| same(pair.value)).count()
     }
 
-    /// The [multiplicity](Self::multiplicity) in words, `2-fold` or `at least 12-fold`; `None` of a simple eigenvalue. Not all
-    /// eigenvalues of a large matrix are looked for.
+    /// The [multiplicity](Self::multiplicity) for people, `2-fold` or `at least 12-fold`; `None` for a simple eigenvalue.
     pub fn fold(&self) -> Option<String> {
         let (fold, found) = (self.multiplicity(), self.spectrum.lowest.len());
         let Inertia { negative, zero, positive, .. } = self.examined().inertia;
@@ -209,7 +235,7 @@ impl Inspection {
         (fold > 1).then(|| format!("{}{fold}-fold", if more { "at least " } else { "" }))
     }
 
-    /// Whether A is positive definite as far as is known: by the count of signs or, where there is none, by the first answer.
+    /// A is positive definite, by the count of signs or, where there is none, by the quick check.
     pub fn is_definite(&self) -> bool {
         match self.lacks(Part::Signs(self.option)) {
             true => self.first.as_ref().is_some_and(|first| first.definite),
@@ -217,19 +243,19 @@ impl Inspection {
         }
     }
 
-    /// Whether [`is_definite`](Self::is_definite) says what is proven.
+    /// [`is_definite`](Self::is_definite) is proven.
     pub fn is_proven(&self) -> bool {
         !self.lacks(Part::Signs(self.option)) || self.first.as_ref().is_some_and(|first| first.is_proven)
     }
 
-    /// A under the option that was asked for.
+    /// A under the examined option.
     pub fn examined(&self) -> &OptionInspection {
-        &self.options[place(self.option)]
+        &self.options[index_of(self.option)]
     }
 }
 
-/// Where an option stands in [`Stiffness::ALL`].
-pub(super) fn place(option: Stiffness) -> usize {
+/// The index of an option in [`Stiffness::ALL`].
+pub(super) fn index_of(option: Stiffness) -> usize {
     match option {
         Stiffness::Full => 0,
         Stiffness::Tension => 1,
@@ -237,12 +263,91 @@ pub(super) fn place(option: Stiffness) -> usize {
     }
 }
 
+/// The answer of a quick check: whether A is positive definite, with a direction of low curvature.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FirstAnswer {
+    /// A is positive definite, by a factorization; not so by the direction.
+    pub definite: bool,
+    /// That is proven. Where A is not factored it may only be that no direction of negative curvature was found.
+    pub is_proven: bool,
+    /// u, with `uᵀAu` for its eigenvalue: an upper bound for λ_min, negative where A is indefinite.
+    pub direction: Direction,
+    /// `‖Au − (uᵀAu) u‖`, in N/m: A has an eigenvalue within this distance of `uᵀAu`.
+    pub residual: f64,
+}
+
+impl FirstAnswer {
+    /// The spring with the largest share of the negative curvature, if any.
+    pub fn worst(&self) -> Option<&Culprit> {
+        self.direction.culprits.first()
+    }
+}
+
+/// A quick check before all else. `uᵀAu < 0` proves that A is indefinite: u is the lowest Ritz vector of a short Lanczos run. Where
+/// that is none, A is factored: `A = L D Lᵀ` with D > 0 proves that A is positive definite, to rounding; a pivot `d_j < 0` gives
+/// `u = L⁻ᵀ e_j/d_j` with `uᵀAu = 1/d_j`, and a few steps of inverse iteration lead to the eigenvector nearest to zero.
+///
+/// `products` is A by its fastest products; `None` where A is empty, not finite, or singular to working precision.
+pub(super) fn quick_check(
+    system: &System,
+    extensions: &SpringGeometry,
+    option: Stiffness,
+    a: &SymmetricMatrix,
+    products: &dyn LinearOperator,
+    factorization: &mut Ldlt,
+    work: &mut Work,
+) -> Option<FirstAnswer> {
+    let n = a.order();
+    let size = a.norm_inf(&mut vec![0.0; n]);
+    if n == 0 || !size.is_finite() {
+        return None;
+    }
+    let answer = |definite: bool, pair: Eigenpair| {
+        let direction = direction(system, extensions, option, &pair);
+        FirstAnswer { definite, is_proven: true, direction, residual: pair.residual }
+    };
+    let is_negative = |pair: &Eigenpair| pair.value < -ROUNDING * size;
+    let eigenpair = |u| eigenpair(&Pencil::of(a), u);
+    let ends = probe(n, None, 60, &mut |x: &[f64], y: &mut [f64]| products.apply(x, y));
+    let lowest = ends.map(|[low, _]| eigenpair(low.vector));
+    if let Some(pair) = lowest.as_ref().filter(|pair| is_negative(pair)) {
+        return Some(answer(false, pair.clone()));
+    }
+    work.factorizations += 1;
+    factorization.factor(a).ok()?;
+    let mut u = match lowest {
+        Some(pair) => pair.vector,
+        None => vec![1.0; n],
+    };
+    let definite = factorization.is_positive();
+    if !definite && !factorization.negative_direction(&mut u) {
+        return None;
+    }
+    let mut best = eigenpair(unit(u)?);
+    for _ in 0..3 {
+        let mut u = best.vector.clone();
+        factorization.substitute(&mut u);
+        work.solves += 1;
+        let next = unit(u).map(eigenpair);
+        // Of an indefinite A inverse iteration may go on to an eigenvalue above zero.
+        let Some(next) = next.filter(|next| definite && next.value < best.value || !definite && is_negative(next))
+        else {
+            break;
+        };
+        best = next;
+    }
+    (definite == (best.value > 0.0)).then(|| answer(definite, best))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::eigen::Eigenpair;
     use crate::inspect::tests::chain;
-    use faer::Par;
+    use crate::integrate::StepMatrices;
+    use crate::linear::fixtures::banded;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+    use std::cell::Cell;
 
     /// The number of equal ones among the lowest eigenvalues that were found, of so many negative, zero and positive ones; in words.
     #[test]
@@ -253,7 +358,7 @@ mod tests {
             let mut found = Inspection::unknown(&system, &extensions, 0.1, Stiffness::Tension);
             let pair = |&value: &f64| Eigenpair { value, vector: Vec::new(), residual: 0.0 };
             found.spectrum.lowest = lowest.iter().map(pair).collect();
-            let inertia = &mut found.options[place(Stiffness::Tension)].inertia;
+            let inertia = &mut found.options[index_of(Stiffness::Tension)].inertia;
             (inertia.negative, inertia.zero, inertia.positive) = (negative, zero, positive);
             found.fold()
         };
@@ -270,7 +375,7 @@ mod tests {
         assert_eq!(fold(&[-1.0, -0.9995, -0.9], [3, 0, 9]).as_deref(), Some("2-fold"));
     }
 
-    /// The curve is skipped once, as what was interrupted; an inspection is equal to its copy, whatever analysis it keeps.
+    /// The curve is skipped once, as what was interrupted; an inspection is equal to its copy.
     #[test]
     fn the_curve_can_be_skipped() {
         let (system, state) = chain(2, 1.25);
@@ -280,5 +385,109 @@ mod tests {
         let without = whole.clone().without_curve();
         assert_eq!(without.skipped, [Skipped { part: Part::Curve, why: SkipReason::Interrupted }]);
         assert!(without != whole && without.clone().without_curve() == without);
+    }
+
+    struct Counted<'a> {
+        a: &'a SymmetricMatrix,
+        products: Cell<usize>,
+    }
+
+    impl LinearOperator for Counted<'_> {
+        fn order(&self) -> usize {
+            self.a.order()
+        }
+
+        fn apply(&self, w: &[f64], y: &mut [f64]) {
+            self.products.set(self.products.get() + 1);
+            self.a.apply(w, y);
+        }
+    }
+
+    /// A chain pressed to four fifths of its length, in a plane, at a step for which A is visibly indefinite, one for which only a factorization
+    /// tells (λ_min is −10⁻⁹ of ‖A‖), and a safe one: at most one factorization, three solves and sixty products.
+    #[test]
+    fn it_costs_one_factorization_at_most() {
+        let free = 400;
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        for p in 0..free + 2 {
+            builder.particle([p as f64, 0.0, 0.0], 2.0);
+        }
+        for p in 0..=free {
+            builder.spring(p, p + 1, Spring { stiffness: 50.0, rest_length: 1.25, damping: 0.0 });
+        }
+        builder.hold(0);
+        builder.hold(free + 1);
+        let (system, state) = builder.build().unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
+        // Across the chain A has 2/dt² − 10 μ, μ up to this.
+        let highest = 4.0 * (free as f64 * std::f64::consts::PI / (2.0 * (free + 1) as f64)).sin().powi(2);
+        for (inertia, definite, factorizations) in
+            [(33.0, false, 0), (10.0 * highest - 1e-7, false, 1), (10.0 * highest + 1e-7, true, 1), (60.0, true, 1)]
+        {
+            let a = StepMatrices::assemble(&system, &state, Stiffness::Full, (2.0f64 / inertia).sqrt()).unwrap().a;
+            let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
+            let counted = Counted { a: &a, products: Cell::new(0) };
+            let mut work = Work::default();
+            let full = Stiffness::Full;
+            let first = quick_check(&system, &extensions, full, &a, &counted, &mut factorization, &mut work).unwrap();
+            assert_eq!((first.definite, work.factorizations), (definite, factorizations), "{inertia}");
+            assert!(work.solves <= 3 && counted.products.get() <= 60, "{work:?}");
+            // What a factorization refuses is bettered by all of them.
+            assert!(definite || work.solves == 3 * factorizations, "{work:?}");
+            let proven = if definite { factorizations == 1 } else { first.direction.eigenvalue < 0.0 };
+            assert!(proven && first.is_proven);
+        }
+    }
+
+    /// The answer for a diagonal matrix of three rows, its factorizations and solves.
+    fn answered(diagonal: [f64; 3]) -> (Option<FirstAnswer>, [u64; 2]) {
+        let mut builder = SystemBuilder::new();
+        let ends = [0.0, 1.0].map(|x| builder.particle([x, 0.0, 0.0], 1.0));
+        builder.spring(ends[0], ends[1], Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        builder.hold(ends[1]);
+        let (system, state) = builder.build().unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
+        let a = banded(1, 0, |row, column| if row == column { diagonal[row] } else { 0.0 });
+        let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
+        let mut work = Work::default();
+        let full = Stiffness::Full;
+        let first = quick_check(&system, &extensions, full, &a, &a, &mut factorization, &mut work);
+        (first, [work.factorizations, work.solves])
+    }
+
+    /// From 10⁻¹³ of ‖A‖ below zero on products are believed, whatever the size of A; what is nearer to zero a factorization decides, and
+    /// one solve says that its direction is the eigenvector.
+    #[test]
+    fn products_are_believed_beyond_their_rounding() {
+        for size in [2f64.powi(-20), 1.0, 2f64.powi(20)] {
+            let answer = |lowest: f64| {
+                let (first, work) = answered([size * lowest, 0.25 * size, size]);
+                let first = first.unwrap();
+                assert!(first.is_proven && (first.direction.eigenvalue / (size * lowest) - 1.0).abs() < 1e-2);
+                (first.definite, work)
+            };
+            assert_eq!(answer(-2e-13), (false, [0, 0]), "{size}");
+            assert_eq!(answer(-0.5e-13), (false, [1, 1]), "{size}");
+            // Of a definite one a second may lower the quotient by its rounding.
+            assert!(matches!(answer(0.5e-13), (true, [1, 1 | 2])), "{size}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_answered_of_no_matrix() {
+        for diagonal in [[f64::INFINITY, 1.0, 1.0], [f64::NEG_INFINITY, 1.0, 1.0]] {
+            assert_eq!(answered(diagonal), (None, [0, 0]));
+        }
+        let mut builder = SystemBuilder::new();
+        let held = builder.particle([0.0; 3], 1.0);
+        builder.hold(held);
+        let (system, state) = builder.build().unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
+        let a = banded(0, 0, |_, _| 0.0);
+        let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
+        let mut work = Work::default();
+        let full = Stiffness::Full;
+        assert_eq!(quick_check(&system, &extensions, full, &a, &a, &mut factorization, &mut work), None);
+        assert_eq!(work, Work::default());
     }
 }

@@ -1,19 +1,20 @@
-//! How an inspection goes about its parts, and what it knows on the way.
+//! The course of an inspection, and its budget.
+//!
+//! The parts come in the order of their importance. Before each its cost is estimated from the work of one factorization, one solve
+//! and one step of a search for eigenvalues; a part beyond the budget is skipped. These are counts, not times: on every machine the
+//! same parts are skipped.
 
-use super::critical::{CriticalSteps, Known as KnownOfLimit};
+use super::critical::{CriticalSteps, Known as KnownOfLimit, Property};
 use super::inertia::{InertiaCounter, InertiaMethod, definite_by_blocks, lightest};
-use super::inspection::{Analysed, DIRECTIONS, Inspection, place};
-use super::matrix_pencil::Property;
-use super::quick_check::quick_check;
+use super::inspection::{DIRECTIONS, Inspection, Part, SkipReason, Skipped, index_of, quick_check};
 use super::rotation_limit::RotationLimit;
-use super::skipped::{Budget, Cost, ESTIMATE, LARGEST_FACTORED, Part, SkipReason};
 use super::smallest_set::{Trial, smallest_set_with};
-use super::spectrum::{Known, spectrum_with};
+use super::spectrum::{Known, LARGEST_DENSE, spectrum_with};
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::eigen::Accuracy;
 use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
-use crate::linear::Ldlt;
+use crate::linear::{FactorSize, Ldlt};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -21,19 +22,21 @@ use crate::work::Work;
 use faer::Par;
 use std::sync::Arc;
 
-/// Eigenpairs that an inspection looks for in a matrix too large to be diagonalised whole, and in one from [`LARGE`] rows on: every pair takes time.
-const EIGENPAIRS: usize = 12;
-const FEWER: usize = 6;
+/// Operations of an inspection by default: about a minute.
+pub const AFFORDABLE: f64 = 1e12;
+
+/// Rows from which nothing is factored by default: one factorization of a cloth of that size takes seconds, of a solid minutes, and
+/// the ordering before it as long.
+const LARGEST_FACTORED: usize = 500_000;
+
+/// Rows from which fewer eigenpairs are computed, less exactly.
 const LARGE: usize = 10_000;
 
-/// How many of the lowest eigenpairs are looked for under the option that is examined, of so many negative ones.
-fn examined_pairs(rows: usize, negative: usize) -> usize {
-    if rows >= LARGE { FEWER } else { EIGENPAIRS.max(negative.min(DIRECTIONS)) }
-}
+/// Operations of an estimate by products and multigrid, for each row.
+const ESTIMATE: f64 = 2e5;
 
 impl Inspection {
-    /// Inspects A at a state for a step of length dt, in s, under an option for which the directions are examined; whole, whatever
-    /// it costs.
+    /// Inspects A at a state for a step of length dt, in s, with the directions under an option; whole, whatever it costs.
     ///
     /// # Errors
     /// Coincident ends of a spring; a system too large for the memory.
@@ -41,9 +44,9 @@ impl Inspection {
         Self::within(system, state, dt, option, par, f64::INFINITY, &mut |_, _| ())
     }
 
-    /// As [`at`](Self::at), skipping what would make it cost more than `most` operations. A matrix whose factor does not fit the memory, or
-    /// would cost more than that by itself, is looked at by products and multigrid: some figures then are estimates. After every part `onlooker` sees how much
-    /// of the work is done, from 0 to 1, and what is known until then.
+    /// As [`at`](Self::at), skipping parts beyond `most` operations. A matrix whose factor does not fit the memory, or costs more than
+    /// that, is inspected by products and multigrid: some figures then are estimates. After every part `observer` sees the share of the
+    /// work done, from 0 to 1, and the inspection so far.
     ///
     /// # Errors
     /// Coincident ends of a spring; a system too large for the memory.
@@ -54,21 +57,21 @@ impl Inspection {
         option: Stiffness,
         par: Par,
         most: f64,
-        onlooker: &mut dyn FnMut(f64, &Self),
+        observer: &mut dyn FnMut(f64, &Self),
     ) -> Result<Self> {
         if most.is_finite() && system.dofs().len() >= LARGEST_FACTORED {
-            return Self::estimated(system, state, dt, option, SkipReason::TooMuchWork, onlooker);
+            return Self::estimated(system, state, dt, option, SkipReason::TooMuchWork, observer);
         }
         let mut inspector = match Inspector::new(system, state, dt, option, par, most) {
             Ok(inspector) => inspector,
             Err(Error::TooLarge { .. }) => {
-                return Self::estimated(system, state, dt, option, SkipReason::TooMuchMemory, onlooker);
+                return Self::estimated(system, state, dt, option, SkipReason::TooMuchMemory, observer);
             }
             Err(error) => return Err(error),
         };
         let mut order = Stiffness::ALL;
         order.sort_by_key(|&each| each != option);
-        // What the search for a spectrum has factored is of use for turning.
+        // The factorization of a spectrum is of use for the rotation limit.
         let of_others: Vec<Part> = order
             .iter()
             .flat_map(|&each| {
@@ -89,21 +92,22 @@ impl Inspection {
             &[Part::Curve],
         ]
         .concat();
-        for part in parts {
-            if inspector.look(part)? {
-                onlooker(inspector.budget.share(), &inspector.found);
+        // Under `Full` both properties coincide, see [`CriticalSteps`].
+        for part in parts.into_iter().filter(|part| *part != Part::Stable(Stiffness::Full)) {
+            if inspector.inspect(part)? {
+                observer(inspector.budget.share(), &inspector.found);
             }
-            // The first question is answered one way or another.
+            // The quick check is made one way or another.
             let is_cheap = ESTIMATE * system.dofs().len() as f64 <= most;
             if part == Part::FirstAnswer && is_cheap && inspector.found.lacks(part) {
-                return Self::estimated(system, state, dt, option, SkipReason::TooMuchWork, onlooker);
+                return Self::estimated(system, state, dt, option, SkipReason::TooMuchWork, observer);
             }
         }
         Ok(inspector.found)
     }
 }
 
-/// What an inspection needs, analysed once, and what it has found.
+/// The tools of an inspection, on one symbolic analysis, and its results.
 struct Inspector<'s> {
     system: &'s System,
     extensions: SpringGeometry,
@@ -112,10 +116,10 @@ struct Inspector<'s> {
     rotation: RotationLimit<'s>,
     counter: InertiaCounter,
     factorization: Ldlt,
-    /// The option whose A is factored, and positive.
+    /// The option whose A is factored, and positive definite.
     factored: Option<Stiffness>,
     budget: Budget,
-    /// Work that is not counted by the searches for steps.
+    /// Work besides that of the searches for steps.
     work: Work,
     found: Inspection,
 }
@@ -126,7 +130,6 @@ impl<'s> Inspector<'s> {
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let factorization = Ldlt::analyse(pattern.pattern(), par)?;
         let shared = || Ldlt::sharing(&factorization);
-        let analysed = Analysed { pattern: pattern.clone(), factorization: Arc::new(factorization.analysis_alone()) };
         let nothing = Work::default();
         Ok(Self {
             system,
@@ -138,7 +141,7 @@ impl<'s> Inspector<'s> {
             factored: None,
             pattern,
             work: Work { symbolic_factorizations: 1, ..Work::default() },
-            found: Inspection { analysed: Some(analysed), ..Inspection::unknown(system, &extensions, dt, option) },
+            found: Inspection { par, ..Inspection::unknown(system, &extensions, dt, option) },
             extensions,
         })
     }
@@ -151,24 +154,21 @@ impl<'s> Inspector<'s> {
         (operator, a)
     }
 
-    /// What is known of A under `Full` for the limit of its definiteness.
+    /// The facts about A under `Full` for the limit of its definiteness.
     fn known(&self) -> KnownOfLimit {
         let is_counted = !self.found.lacks(Part::GrowingModes);
         let lowest = self.found.spectrum.lowest.first().filter(|_| self.found.option == Stiffness::Full);
         let direction = lowest.map(|pair| pair.vector.clone());
-        let is_definite = self.found.options[place(Stiffness::Full)].inertia.is_definite();
+        let is_definite = self.found.options[index_of(Stiffness::Full)].inertia.is_definite();
         let definite_from = is_definite.then_some(self.found.dt.recip());
         KnownOfLimit { curves_downwards: is_counted.then_some(self.found.growing_modes > 0), direction, definite_from }
     }
 
-    /// Looks at a part, unless it costs too much; whether something new is known.
-    fn look(&mut self, part: Part) -> Result<bool> {
+    /// Inspects a part; returns `false` where it costs too much.
+    fn inspect(&mut self, part: Part) -> Result<bool> {
         let known = match part {
-            // What it depends on.
             Part::SmallestSet => self.found.options[0].inertia.is_definite(),
-            // Under `Full` the requirements coincide, see [`CriticalSteps`].
-            Part::Stable(Stiffness::Full) => true,
-            // Without what makes them indefinite the springs' blocks settle it.
+            // Decided by the springs' blocks.
             Part::Definite(Stiffness::Tension | Stiffness::Axial) => true,
             _ => false,
         };
@@ -182,27 +182,23 @@ impl<'s> Inspector<'s> {
                 let (operator, a) = self.matrix_of_step(option);
                 let Self { system, extensions, factorization, work, found, .. } = self;
                 found.first = quick_check(system, extensions, option, &a, &operator, factorization, work);
-                // What is definite is so by a factorization.
                 self.factored = self.found.first.as_ref().filter(|first| first.definite).map(|_| option);
             }
             Part::Signs(option) => {
                 let (operator, a) = self.matrix_of_step(option);
                 let inertia = definite_by_blocks(&operator, &a, operator.mass_factor());
                 let inertia = inertia.unwrap_or_else(|| self.counter.count(&a, &mut self.work));
-                self.found.options[place(option)].inertia = inertia;
+                self.found.options[index_of(option)].inertia = inertia;
             }
             Part::GrowingModes => {
                 let minus_k = Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 };
                 let operator = SystemOperator::new(self.system, &self.extensions, Stiffness::Full, minus_k);
-                // A sum of what is never negative is not.
-                let is_known = operator.has_no_negative_block();
-                self.found.growing_modes = match is_known {
-                    true => 0,
-                    false => {
-                        let minus_k = SystemMatrix::assemble(self.pattern.clone(), &operator).into_matrix();
-                        self.work.assemblies += 1;
-                        self.counter.count(&minus_k, &mut self.work).negative
-                    }
+                self.found.growing_modes = if operator.has_no_negative_block() {
+                    0
+                } else {
+                    let minus_k = SystemMatrix::assemble(self.pattern.clone(), &operator).into_matrix();
+                    self.work.assemblies += 1;
+                    self.counter.count(&minus_k, &mut self.work).negative
                 };
             }
             Part::Spectrum(option) => self.spectrum(option),
@@ -211,19 +207,13 @@ impl<'s> Inspector<'s> {
                     Stiffness::Full => self.critical.definite_knowing(self.known()),
                     Stiffness::Tension | Stiffness::Axial => self.critical.largest_step(Property::Definite, option),
                 };
-                self.found.options[place(option)].critical = limit;
+                self.found.options[index_of(option)].critical = limit;
                 if option == Stiffness::Full {
-                    self.found.options[place(option)].stable = limit;
-                }
-            }
-            Part::Stable(Stiffness::Full) => {
-                if self.budget.follows(part, Part::Definite(Stiffness::Full)) {
-                    self.found.skipped.clone_from(&self.budget.skipped);
-                    return Ok(false);
+                    self.found.options[index_of(option)].stable = limit;
                 }
             }
             Part::Stable(option) => {
-                self.found.options[place(option)].stable = self.critical.largest_step(Property::Stable, option);
+                self.found.options[index_of(option)].stable = self.critical.largest_step(Property::Stable, option);
             }
             Part::Turning(option) => self.turning(option),
             Part::SmallestSet => {
@@ -245,7 +235,7 @@ impl<'s> Inspector<'s> {
         Ok(true)
     }
 
-    /// A step of `Full` is estimated with `Tension`, see [`RotationLimit::worst`].
+    /// `Tension` stands for `Full` too, see [`RotationLimit::worst`].
     fn turning(&mut self, option: Stiffness) {
         if self.factored == Some(option) {
             self.rotation.take_over(option, self.found.dt, &mut self.factorization);
@@ -263,21 +253,23 @@ impl<'s> Inspector<'s> {
     }
 
     fn spectrum(&mut self, option: Stiffness) {
-        // Where nothing is compressed there is nothing to drop.
+        // Without compressed springs both options coincide.
         let is_full = option == Stiffness::Tension && self.found.option == Stiffness::Full;
         if is_full && self.found.compressed_springs == 0 && !self.found.lacks(Part::Spectrum(Stiffness::Full)) {
-            let full = self.found.options[place(Stiffness::Full)].clone();
-            let tension = &mut self.found.options[place(option)];
+            let full = self.found.options[index_of(Stiffness::Full)].clone();
+            let tension = &mut self.found.options[index_of(option)];
             (tension.smallest, tension.largest, tension.condition) = (full.smallest, full.largest, full.condition);
             tension.within = full.within;
             return;
         }
         let (operator, a) = self.matrix_of_step(option);
-        let inertia = self.found.options[place(option)].inertia;
+        let inertia = self.found.options[index_of(option)].inertia;
         let is_examined = option == self.found.option;
         let accuracy = if is_examined && a.dofs().len() < LARGE { Accuracy::FULL } else { Accuracy::CERTIFIED };
-        let wanted = if is_examined { examined_pairs(a.dofs().len(), inertia.negative) } else { 1 };
-        // Without negative blocks what the masses add is left at least, see `definite_by_blocks`.
+        let rows = a.dofs().len();
+        let examined = if rows >= LARGE { 6 } else { inertia.negative.clamp(12, DIRECTIONS) };
+        let wanted = if is_examined { examined } else { 1 };
+        // See `definite_by_blocks`.
         let floor = match inertia.method {
             InertiaMethod::Springs => operator.mass_factor() * lightest(self.system),
             _ => f64::NEG_INFINITY,
@@ -286,9 +278,121 @@ impl<'s> Inspector<'s> {
         let mut known = Known { products: &operator, is_factored, floor, accuracy };
         let spectrum = spectrum_with(&mut self.factorization, &a, &inertia, wanted, &mut known, &mut self.work);
         self.factored = known.is_factored.then_some(option);
-        self.found.options[place(option)].take(&spectrum);
+        self.found.options[index_of(option)].set_spectrum(&spectrum);
         if is_examined {
             self.found.examine(self.system, &self.extensions, spectrum);
         }
+    }
+}
+
+/// The cost of the parts in operations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Cost {
+    factorization: f64,
+    /// A search for eigenvalues besides its factorizations.
+    search: f64,
+    rows: f64,
+}
+
+impl Cost {
+    fn of(size: &FactorSize, rows: usize) -> Self {
+        // An operation that waits for the memory counts four times.
+        const SLOW: f64 = 4.0;
+        let (entries, rows) = (size.entries as f64, rows as f64);
+        // A step of a search solves for eight columns, and makes each orthogonal to some fifty vectors, twice; there are 25 steps.
+        let step = SLOW * (4.0 * 8.0 * entries + 6000.0 * rows);
+        Self { factorization: size.flops + SLOW * entries, search: 25.0 * step, rows }
+    }
+
+    /// By the numbers of factorizations and searches that the parts have taken at most.
+    fn part(&self, part: Part) -> f64 {
+        let Self { factorization, search, rows } = *self;
+        let eigenvalues = |searches: f64| match rows <= LARGEST_DENSE as f64 {
+            true => 10.0 * rows.powi(3),
+            false => 5.0 * factorization + searches * search,
+        };
+        match part {
+            Part::FirstAnswer => factorization,
+            Part::Signs(_) | Part::GrowingModes => 2.0 * factorization,
+            Part::Turning(_) => 2.0 * factorization + search,
+            Part::SmallestSet => 6.0 * factorization,
+            Part::Spectrum(_) => eigenvalues(2.0),
+            Part::Definite(_) | Part::Stable(_) => 6.0 * factorization + 2.0 * search,
+            // The points of the curve.
+            Part::Curve => 51.0 * eigenvalues(1.0),
+        }
+    }
+}
+
+/// The budget, and the parts that are skipped as things stand.
+#[derive(Debug, Clone, PartialEq)]
+struct Budget {
+    cost: Cost,
+    left: f64,
+    spent: f64,
+    /// The cost of everything, within the budget.
+    whole: f64,
+    skipped: Vec<Skipped>,
+}
+
+/// Under `Full` the limits of definiteness and stability are the same.
+fn is_covered(part: Part, by: Part) -> bool {
+    part == by || [part, by] == [Part::Stable(Stiffness::Full), Part::Definite(Stiffness::Full)]
+}
+
+impl Budget {
+    /// Nothing is done yet; `most` operations to spend.
+    fn new(cost: Cost, most: f64, parts: impl IntoIterator<Item = Part>) -> Self {
+        let skipped: Vec<Skipped> =
+            parts.into_iter().map(|part| Skipped { part, why: SkipReason::Interrupted }).collect();
+        let whole = skipped.iter().map(|skipped| cost.part(skipped.part)).sum::<f64>().min(most);
+        Self { cost, left: most, spent: 0.0, whole, skipped }
+    }
+
+    /// Spends the cost of a part and returns `true`, or skips it for good.
+    fn affords(&mut self, part: Part) -> bool {
+        let cost = self.cost.part(part);
+        if cost <= self.left {
+            self.left -= cost;
+            self.spent += cost;
+            return true;
+        }
+        for skipped in self.skipped.iter_mut().filter(|skipped| is_covered(skipped.part, part)) {
+            skipped.why = SkipReason::TooMuchWork;
+        }
+        false
+    }
+
+    /// The share of the work that is done, from 0 to 1.
+    fn share(&self) -> f64 {
+        (self.spent / self.whole.max(1.0)).min(1.0)
+    }
+
+    fn done(&mut self, part: Part) {
+        self.skipped.retain(|skipped| !is_covered(skipped.part, part));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linear::OrderingMethod;
+
+    #[test]
+    fn parts_are_skipped_when_they_cost_more_than_is_left() {
+        let size = FactorSize { entries: 0, flops: 1.0, ordering: OrderingMethod::Natural };
+        let cost = Cost::of(&size, 0);
+        let [first, second] = [Part::SmallestSet, Part::Definite(Stiffness::Full)];
+        let together = Part::Stable(Stiffness::Full);
+        let mut budget = Budget::new(cost, 11.0, [first, second, together, Part::GrowingModes]);
+        assert!(budget.affords(first) && !budget.affords(second) && budget.affords(Part::GrowingModes));
+        budget.done(first);
+        let reasons = [SkipReason::TooMuchWork, SkipReason::TooMuchWork, SkipReason::Interrupted];
+        let parts = [second, together, Part::GrowingModes];
+        let expected: Vec<_> = parts.into_iter().zip(reasons).map(|(part, why)| Skipped { part, why }).collect();
+        assert_eq!(budget.skipped, expected);
+        budget.done(second);
+        assert_eq!(budget.skipped, expected[2..]);
+        assert!(Budget::new(cost, f64::INFINITY, []).affords(Part::Curve));
     }
 }

@@ -1,17 +1,17 @@
-//! Springs whose transverse terms every set that is enough must hold, and how many such a set holds at least.
+//! Springs whose transverse terms every sufficient set must hold, and a lower bound for the size of such a set.
 //!
-//! Let `A_T` be A without the transverse term of any compressed spring, and `N_s` the columns of spring s, see `smallest_set`. Dropping more
-//! never makes A less definite, so a set that leaves s out is enough only if `A_T − N_s N_sᵀ` is positive definite, which is `N_sᵀ A_T⁻¹ N_s < 1`
-//! by Schur's complement. For the rows P of the particles around s
+//! Let `A_T` be A without the transverse term of any compressed spring, and `N_s` the columns of spring s, see `smallest_set`. Dropping
+//! more never makes A less definite, so a set without s is sufficient only if `A_T − N_s N_sᵀ` is positive definite, which is
+//! `N_sᵀ A_T⁻¹ N_s < 1` by Schur's complement. For the rows P of the particles around s
 //!
 //! ```text
-//! (A_T⁻¹)_PP ≥ (A_T,PP)⁻¹,        so   N_sᵀ (A_T,PP)⁻¹ N_s ≥ 1   ⇒   s is in every set that is enough:
+//! (A_T⁻¹)_PP ≥ (A_T,PP)⁻¹,        so   N_sᵀ (A_T,PP)⁻¹ N_s ≥ 1   ⇒   s is in every sufficient set:
 //! ```
 //!
-//! what holds those particles fixed that are not in P only makes A stiffer. A few dozen rows tell, no factorization of A is needed.
+//! holding the particles outside P only makes A stiffer. A few dozen rows tell, without a factorization of A.
 //!
-//! A term of rank r, at most 2 in space and 1 in the plane, is put right by taking back r directions: dropping it makes no more than r
-//! negative eigenvalues positive (Weyl). So whoever is to lift N of them takes as many terms as it needs for their ranks to add up to N.
+//! Dropping a term of rank r, at most 2 in space and 1 in the plane, makes no more than r negative eigenvalues positive (Weyl). So
+//! lifting N of them takes as many terms as it needs for their ranks to add up to N.
 
 use crate::assembly::SpringPattern;
 use crate::operator::SystemOperator;
@@ -20,13 +20,10 @@ use nalgebra::{Cholesky, DMatrix};
 /// A column of `N_s`: rows and values.
 pub(super) type Column = Vec<(usize, f64)>;
 
-/// Rows around a spring that are looked at: a spring's ends alone first, which is often enough, then these.
-const ROWS: usize = 36;
-
 /// 1, and what is above rounding for matrices of so few rows.
 pub(super) const NECESSARY: f64 = 1.000000001;
 
-/// Finds out which springs are necessary.
+/// The criterion of necessary springs.
 pub(super) struct Necessity<'a, 's> {
     /// `A_T`.
     operator: &'a SystemOperator<'s>,
@@ -39,8 +36,8 @@ impl<'a, 's> Necessity<'a, 's> {
         Self { operator, pattern }
     }
 
-    /// The largest eigenvalue of `N_sᵀ (A_T,PP)⁻¹ N_s` for the spring between these particles, with these columns: from [`NECESSARY`] on it is in
-    /// every set that is enough. Where it is not, a look at more rows might tell that it is after all.
+    /// The largest eigenvalue of `N_sᵀ (A_T,PP)⁻¹ N_s` for the spring between these particles, with these columns, in 36 rows at most: from
+    /// [`NECESSARY`] on it is in every sufficient set.
     pub fn need(&self, [i, j]: [usize; 2], columns: &[Column]) -> f64 {
         let mut patch = vec![i, j];
         let need = self.need_in(&patch, columns);
@@ -51,7 +48,7 @@ impl<'a, 's> Necessity<'a, 's> {
         let mut size = rows(i) + rows(j);
         for end in [i, j] {
             for other in self.pattern.springs_at(end).map(|position| self.other(position, end)) {
-                if !patch.contains(&other) && size + rows(other) <= ROWS {
+                if !patch.contains(&other) && size + rows(other) <= 36 {
                     size += rows(other);
                     patch.push(other);
                 }
@@ -60,21 +57,17 @@ impl<'a, 's> Necessity<'a, 's> {
         if patch.len() > 2 { self.need_in(&patch, columns) } else { need }
     }
 
-    fn pair(&self, position: usize) -> [usize; 2] {
-        let system = self.operator.system();
-        system.pair(system.active_springs()[position] as usize)
-    }
-
     fn other(&self, position: usize, end: usize) -> usize {
-        let [i, j] = self.pair(position);
+        let system = self.operator.system();
+        let [i, j] = system.pair(system.active_springs()[position] as usize);
         if i == end { j } else { i }
     }
 
-    /// As far as the rows of these particles tell; zero where they cannot.
+    /// The need by the rows of these particles; zero where they do not tell.
     fn need_in(&self, patch: &[usize], columns: &[Column]) -> f64 {
         let system = self.operator.system();
         let dofs = system.dofs();
-        // Where the rows of each particle begin, and their number at the end.
+        // The first row of each particle, and the number of rows.
         let mut starts = vec![0];
         starts.extend(patch.iter().scan(0, |rows, &p| {
             *rows += dofs.rows(p).len();
@@ -119,7 +112,7 @@ impl<'a, 's> Necessity<'a, 's> {
     }
 }
 
-/// The fewest of terms with these ranks that lift so many negative eigenvalues.
+/// The least number of terms with these ranks that lift so many negative eigenvalues.
 pub(super) fn fewest(negative: usize, ranks: impl IntoIterator<Item = usize>) -> usize {
     let mut ranks: Vec<usize> = ranks.into_iter().collect();
     ranks.sort_unstable_by(|a, b| b.cmp(a));
@@ -128,7 +121,7 @@ pub(super) fn fewest(negative: usize, ranks: impl IntoIterator<Item = usize>) ->
         lifted += rank;
         lifted >= negative
     });
-    // The terms together are enough, so this ends; a count that says otherwise proves nothing.
+    // All terms together are sufficient.
     if negative == 0 { 0 } else { enough.map_or(ranks.len(), |last| last + 1) }
 }
 

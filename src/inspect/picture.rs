@@ -1,8 +1,7 @@
-//! What an inspection shows, as pictures.
+//! The pictures of an inspection.
 
-use super::inertia::Inertia;
-use super::inspection::{Analysed, Inspection};
-use super::skipped::{Part, SkipReason};
+use super::inertia::{Inertia, lightest};
+use super::inspection::{Inspection, Part, SkipReason};
 use super::spectrum::{LARGEST_DENSE, smallest_eigenvalue_with};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::eigen::Accuracy;
@@ -31,19 +30,8 @@ pub struct Pictures {
     pub patterns: Option<[Spy; 2]>,
 }
 
-/// Culprits that are singled out in the drawing: the worst, with a share that can be seen.
-const LABELLED: usize = 6;
-const LEAST_LABELLED: f64 = 0.02;
-
-/// Where a curve of λ_min ends, below and above: what matters lies between zero and where it began, at 1.
-const LOWEST_SHOWN: f64 = -1.0;
-const HIGHEST_SHOWN: f64 = 3.0;
-
-/// Steps at which λ_min is computed, for a small and for a larger system.
-const CURVE_POINTS: [usize; 2] = [49, 17];
-
 impl Pictures {
-    /// Of an inspection of this state.
+    /// The pictures of an inspection of this state.
     ///
     /// # Errors
     /// Coincident ends of a spring; a matrix that is too large.
@@ -52,19 +40,13 @@ impl Pictures {
         let is_drawn = !(system.dofs().is_empty() || inspection.lacks(Part::Curve));
         let is_whole =
             inspection.skipped_for(SkipReason::Interrupted).next().is_none() && inspection.estimated.is_empty();
-        // The inspection has analysed the pattern, unless it is one of estimates.
-        let analysed = inspection.analysed.as_ref().filter(|_| is_drawn || is_whole);
-        let curve = match analysed.filter(|_| is_drawn) {
-            Some(Analysed { pattern, factorization }) => {
-                let factorization = &mut Ldlt::sharing(factorization.as_ref())?;
-                Some(curve_of(system, &extensions, pattern, inspection, factorization))
-            }
-            None => None,
-        };
-        let patterns = analysed.filter(|_| is_whole);
-        let patterns = patterns.map(|Analysed { pattern, factorization }| {
-            patterns_of(system, &extensions, pattern, inspection, factorization)
-        });
+        let (mut curve, mut patterns) = (None, None);
+        if is_drawn || is_whole {
+            let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
+            let mut factorization = Ldlt::analyse(pattern.pattern(), inspection.par)?;
+            patterns = is_whole.then(|| patterns_of(system, &extensions, &pattern, inspection, &factorization));
+            curve = is_drawn.then(|| curve_of(system, &extensions, &pattern, inspection, &mut factorization));
+        }
         Ok(Self { scene: scene(system, state, inspection), curve, spectrum: low_end(inspection), patterns })
     }
 
@@ -111,7 +93,7 @@ fn scene(system: &System, state: &State, inspection: &Inspection) -> Drawing {
     };
     let mut drawing = Drawing::strains(title, system, state).concluding(blame(inspection));
     if let Some(lowest) = inspection.directions.first() {
-        for culprit in lowest.culprits.iter().take(LABELLED).filter(|culprit| culprit.share >= LEAST_LABELLED) {
+        for culprit in lowest.culprits.iter().take(6).filter(|culprit| culprit.share >= 0.02) {
             let [i, j] = culprit.particles;
             let (strain, share) = (short(culprit.strain), 100.0 * culprit.share);
             let label = format!("spring {} ({i}–{j}): strain {strain}, share {share:.0} %", culprit.spring);
@@ -128,7 +110,7 @@ fn scene(system: &System, state: &State, inspection: &Inspection) -> Drawing {
     }
 }
 
-/// Who spoils or softens A, in a sentence.
+/// The spring that spoils or softens A most, in a sentence.
 fn blame(inspection: &Inspection) -> String {
     let Some(lowest) = inspection.directions.first() else { return "No coordinate is free to move.".into() };
     let Some(worst) = lowest.culprits.first() else {
@@ -147,9 +129,9 @@ fn blame(inspection: &Inspection) -> String {
     format!("Spring {spring} ({i}–{j}) {does} most, with {share:.0} % of the negative curvature; {others}.")
 }
 
-/// At how many steps λ_min of a matrix of so many rows is computed.
+/// The number of steps at which λ_min of a matrix of so many rows is computed.
 fn points_of_curve(rows: usize) -> usize {
-    CURVE_POINTS[usize::from(rows > LARGEST_DENSE)]
+    if rows > LARGEST_DENSE { 17 } else { 49 }
 }
 
 /// λ_min over dt, scaled so that it begins at 1 for small steps: `A dt² → M`.
@@ -166,9 +148,7 @@ fn curve_of(
     let high = limits().fold(middle, f64::max).max(inspection.dt) * 3.0;
     let points = points_of_curve(system.dofs().len());
     let steps = (0..points).map(|k| low * (high / low).powf(k as f64 / (points - 1) as f64));
-    let dofs = system.dofs();
-    let free = system.masses().iter().enumerate().filter(|(p, _)| !dofs.rows(*p).is_empty());
-    let lightest = free.map(|(_, &mass)| mass).fold(f64::INFINITY, f64::min);
+    let lightest = lightest(system);
     let mut work = Work::default();
     let mut plot = Plot::new(
         "Lowest eigenvalue of A over the time step",
@@ -182,12 +162,13 @@ fn curve_of(
             let a = SystemMatrix::assemble(pattern.clone(), &operator).into_matrix();
             let scaled =
                 smallest_eigenvalue_with(factorization, &a, Accuracy::CERTIFIED, &mut work) * dt * dt / lightest;
-            if scaled > HIGHEST_SHOWN {
+            // The curve begins at 1; what matters lies between that and zero.
+            if scaled > 3.0 {
                 break;
             }
-            values.push((dt, scaled.max(LOWEST_SHOWN)));
-            // Once below zero λ_min stays there: far below only the sign matters, and the axis is kept for what happens around it.
-            if scaled < LOWEST_SHOWN {
+            values.push((dt, scaled.max(-1.0)));
+            // Once below zero λ_min stays there.
+            if scaled < -1.0 {
                 break;
             }
         }
@@ -206,33 +187,13 @@ fn curve_of(
         Some(dt) => format!("up to {} s under {}", short(dt), option.option.name()),
         None => format!("at every step under {}", option.option.name()),
     });
-    let together = match one_curve(&plot.series) {
-        true => " The curves lie on each other.",
-        false => "",
-    };
-    plot.conclusion = format!("A is definite {}.{together}", definite.collect::<Vec<_>>().join(", "));
+    plot.conclusion = format!("A is definite {}.", definite.collect::<Vec<_>>().join(", "));
     let here = Guide::Vertical { x: inspection.dt, label: format!("inspected: {} s", short(inspection.dt)) };
     plot.with_guide(here).with_guide(Guide::Level { y: 0.0, label: "definite above".into() })
 }
 
-/// Whether all series are the same to those who look.
-fn one_curve(series: &[Series]) -> bool {
-    /// A part of the span of the values, about the width of a line.
-    const SEEN: f64 = 0.01;
-    let values = || series.iter().flat_map(|series| &series.points).map(|point| point.1);
-    let span = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
-    let same = |a: &Series, b: &Series| {
-        let near = |(a, b): (&(f64, f64), &(f64, f64))| (a.1 - b.1).abs() <= SEEN * span;
-        a.points.len() == b.points.len() && a.points.iter().zip(&b.points).all(near)
-    };
-    series.windows(2).all(|pair| same(&pair[0], &pair[1]))
-}
-
-/// Eigenvalues in the low end's plot.
-const LOW_END: usize = 40;
-
 fn low_end(inspection: &Inspection) -> Plot {
-    let lowest = inspection.spectrum.lowest.iter().take(LOW_END).enumerate();
+    let lowest = inspection.spectrum.lowest.iter().take(40).enumerate();
     let points: Vec<(f64, f64)> = lowest.map(|(k, pair)| (k as f64, pair.value)).collect();
     let title = format!("Lowest eigenvalues of A ({})", inspection.option.name());
     let (negative, positive): (Vec<_>, Vec<_>) = points.into_iter().partition(|&(_, value)| value < 0.0);
@@ -307,23 +268,6 @@ mod tests {
         assert!(pictures(&interrupted).patterns.is_none() && pictures(&interrupted).curve.is_none());
     }
 
-    #[test]
-    fn curves_of_what_is_diagonalised_have_more_points() {
-        assert_eq!([1, 240, 241].map(points_of_curve), [49, 49, 17]);
-    }
-
-    /// A hundredth of the span, which is that of all values and has nothing to do with where they lie.
-    #[test]
-    fn curves_are_one_where_no_difference_can_be_seen() {
-        let line = |values: [f64; 2]| Series::line("", values.into_iter().map(|value| (0.0, value)).collect());
-        for from in [-100.0, 0.0, 90.0] {
-            let beside = |by: f64| one_curve(&[line([from, from + 10.0]), line([from, from + 10.0 - by])]);
-            assert!(beside(0.0) && beside(0.09) && !beside(0.11) && !beside(1.0), "{from}");
-        }
-        assert!(!one_curve(&[line([0.0, 1.0]), Series::line("", vec![(0.0, 0.0)])]));
-    }
-
-    /// Forty of the lowest eigenvalues are shown.
     #[test]
     fn the_low_end_is_no_longer_than_forty() {
         let mut found = inspected(&chain(1, 1.25), 0.1);

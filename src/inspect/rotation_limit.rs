@@ -1,41 +1,46 @@
-//! How far a step turns springs, and what that does to them: the limit that no linearisation at one state sees.
+//! The rotation of springs in a step, and its effect: the limit that no linearisation at one state sees.
 //!
-//! A linearised step moves the ends of a spring along straight lines, by `δ = δx_i − δx_j = δ∥ n + δ⊥`, with `n` the direction
-//! at its start. It turns the spring by `θ ≈ ‖δ⊥‖/l`, which is `dt ‖v⊥‖/l` for one in flight, and counts its new length as
-//! `l + δ∥`. In truth the spring has become longer than that, by
-//!
-//! ```text
-//! e = √((l + δ∥)² + ‖δ⊥‖²) − |l + δ∥| ≈ ½ θ² l,
-//! ```
-//!
-//! so turning alone has *stretched* it by e. At the next step the spring is taut, and a taut spring resists all motion across
-//! it with the transverse coefficient `k (1/l0 − 1/l)`: turning too, because the linearisation takes the new direction as
-//! fixed. The part of it that e has brought, `c = k (1/(l' − e) − 1/l')`, *brakes*: a mass μ that would go on by δ⊥ does so
-//! by `δ⊥/(1 + ρ)` only, `ρ = c dt²/μ`. With the frequency `ω = √(k/(l0 μ))` along the spring and `z = ω dt` that is
+//! A linearised step moves the ends of a spring along straight lines, by `δ = δx_i − δx_j = δ∥ n + δ⊥`, with `n` the direction at
+//! its start. It rotates the spring by `θ ≈ ‖δ⊥‖/l`, which is `dt ‖v⊥‖/l` in free flight, and counts its new length as `l + δ∥`. The
+//! true length is larger by
 //!
 //! ```text
-//! ρ ≈ ½ (z θ)²  for a spring that was at rest length,
+//! e = √((l + δ∥)² + ‖δ⊥‖²) − |l + δ∥| ≈ ½ θ² l.
 //! ```
 //!
-//! large for a stiff spring however little it turns. A turn by one radian takes 1/θ steps, so while it turns that far the spring
-//! loses the part `1 − (1 + ρ)^(−1/θ) ≈ ½ z² θ` of its turning, and that is what a run must keep small. Nothing is wrong with
-//! the matrix, which may be positive definite and stable for every step: the braked motion is smooth, plausible and wrong.
-//! `Axial` leaves the term out and is not braked; that a step stretches its springs concerns it all the same. A method that
-//! linearises at a prediction of the step's end, or solves the nonlinear equations, is not concerned.
+//! At the next step the spring is taut, and resists all motion across it with the transverse coefficient `k (1/l0 − 1/l)`, because
+//! the linearisation takes the new direction as fixed. The part of it that e has brought, `c = k (1/(l' − e) − 1/l')`, *brakes*: a
+//! mass μ that would go on by δ⊥ does so by `δ⊥/(1 + ρ)` only, `ρ = c dt²/μ`. With the frequency `ω = √(k/(l0 μ))` along the spring
+//! and `z = ω dt` that is
 //!
-//! **Neighbours.** Where the step deforms the springs around, their elasticity decides about the motion and not the
-//! inertia of the ends. With `E = ½ Σ (k/l0) (n·δ)²` over the other springs at both ends, μ in ρ is `μ + dt² E/‖δ⊥‖²`: a body
-//! that turns as a whole is judged as the lone spring is, one that only shakes is not. So ρ is an estimate, exact for a spring
-//! by itself.
+//! ```text
+//! ρ ≈ ½ (z θ)²  for a spring that was at rest length.
+//! ```
+//!
+//! A rotation by one radian takes 1/θ steps, in which the spring loses the part `1 − (1 + ρ)^(−1/θ) ≈ ½ z² θ` of its rotation. A may
+//! be positive definite and stable for every step: the braked motion is smooth, plausible and wrong. `Axial` leaves the term out and
+//! is not braked, but stretches its springs too. A method that linearises at a prediction of the step's end, or solves the nonlinear
+//! equations, is not concerned.
+//!
+//! **Neighbours.** Where the step deforms the springs around, their elasticity decides about the motion and not the inertia of the
+//! ends. With `E = ½ Σ (k/l0) (n·δ)²` over the other springs at both ends, μ in ρ is `μ + dt² E/‖δ⊥‖²`. So ρ is an estimate, exact
+//! for a spring by itself.
+//!
+//! **The search** brackets the limit by trials. The excess is nearly a power of dt, so its logarithm is nearly a line over that of
+//! dt: leaps go a little beyond the zero of the line through the last two trials, until the sign changes; the Illinois method (Dowell
+//! and Jarratt 1971) then narrows the bracket.
+//!
+//! **Steps of other lengths** are solved with one factor. With `s = 1/dt` the matrix of a step is `P(s) = s² M + s C + K`, here with C
+//! and K positive semidefinite. Once `P(s₀)` is factored, the eigenvalues of `P(s₀)⁻¹P(s)` lie between 1 and `(s/s₀)²`, so that
+//! conjugate gradients preconditioned with the factor take some twenty solves for a step four times as long or short (Hestenes and
+//! Stiefel 1952). The error e has `eᵀP(s)e = rᵀP(s)⁻¹r ≤ rᵀM⁻¹r/s²`, which is compared with `xᵀP(s)x = xᵀb`.
 
-use super::bracket_search::{Trial, search};
 use super::critical::LargestStep;
-use super::shifted_solves::solve;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
-use crate::linear::Ldlt;
-use crate::operator::{Combination, SystemOperator};
+use crate::linear::{Ldlt, dot};
+use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use crate::work::Work;
@@ -43,46 +48,44 @@ use faer::Par;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// What a step does to the spring that suffers most from being turned.
+/// The rotation of a spring in a step, and its effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turn {
     /// The spring.
     pub spring: usize,
     /// Its ends.
     pub particles: [usize; 2],
-    /// The angle by which the step turns it, in rad.
+    /// The angle of the rotation, in rad.
     pub angle: f64,
-    /// By how much turning stretches it, as a part of its rest length: `e/l0`.
+    /// The stretch by rotation, relative to the rest length: `e/l0`.
     pub stretch: f64,
-    /// ρ: the next step goes on turning by `1/(1 + ρ)` of what it should. Zero under `Axial`.
+    /// ρ: the next step continues the rotation by the factor `1/(1 + ρ)`. Zero under `Axial`.
     pub brake: f64,
 }
 
-/// A tenth of its turning is what a spring may lose to the brake while it turns by one radian: springs that swing turn by about
-/// that, so their motion is then wrong by about a tenth; the loss grows with the cube of the step.
+/// The largest part of its rotation that a spring may lose in one radian. Springs that swing rotate by about that, so their motion
+/// is then wrong by about a tenth; the loss grows with the cube of the step.
 pub const MOST_BRAKED: f64 = 0.1;
 
-/// A hundredth of its length is what a step may stretch a spring by turning it, by 8°. Cloth and rubber strain by more, but this
-/// strain comes from nowhere, at every step anew.
+/// The largest stretch of a spring by its rotation in a step, relative to its length: by 8°. Cloth and rubber strain by more, but
+/// this strain comes from nowhere, at every step anew.
 pub const MOST_STRETCHED: f64 = 0.01;
 
-/// Springs that a symmetry makes equal differ by rounding: the first of them is named.
-const TIE: f64 = 1.000001;
-
 impl Turn {
-    /// The part of its turning that the spring loses while it turns by one radian.
+    /// The part of its rotation that the spring loses in one radian.
     pub fn braked(&self) -> f64 {
         if self.brake == 0.0 { 0.0 } else { -(-self.brake.ln_1p() / self.angle).exp_m1() }
     }
 
-    /// How far beyond the limits this is: above 1 the step is too long for this spring.
+    /// The excess over the limits: above 1 the step is too long for this spring.
     pub fn excess(&self) -> f64 {
-        // Not the loss itself, which would make all that is far beyond the limit look the same.
+        // Not the loss itself, which saturates far beyond the limit.
         let braked = if self.brake == 0.0 { 0.0 } else { self.brake.ln_1p() / self.angle };
         (braked / -(-MOST_BRAKED).ln_1p()).max(self.stretch / MOST_STRETCHED)
     }
 
-    /// The spring that a step of length dt, by these displacements in m from these extensions, turns worst; `None` where it turns none.
+    /// The spring with the largest [excess](Self::excess) in a step of length dt by these displacements, in m; `None` where none
+    /// rotates.
     pub fn worst(
         system: &System,
         extensions: &SpringGeometry,
@@ -122,7 +125,7 @@ impl Turn {
             let brake = match option {
                 Stiffness::Axial => 0.0,
                 Stiffness::Full | Stiffness::Tension => {
-                    // What turning adds to the part of the length that is taut.
+                    // The taut part of the length, and that added by the rotation.
                     let (taut, added) = match counted >= spring.rest_length {
                         true => (counted, excess),
                         false => (spring.rest_length, (length - spring.rest_length).max(0.0)),
@@ -136,7 +139,8 @@ impl Turn {
             };
             let angle = squared.sqrt().atan2(counted);
             let turn = Self { spring: number, particles, angle, stretch: excess / spring.gauge_length(), brake };
-            let is_worse = |worst: Self| turn.excess() > TIE * worst.excess();
+            // Springs that a symmetry makes equal differ by rounding: the first of them is named.
+            let is_worse = |worst: Self| turn.excess() > 1.000001 * worst.excess();
             if turn.excess().is_finite() && worst.is_none_or(is_worse) {
                 worst = Some(turn);
             }
@@ -145,8 +149,7 @@ impl Turn {
     }
 }
 
-/// Finds how long a step from one state may be for the springs that it turns: one factorization for all lengths that are tried, a few dozen
-/// solves together.
+/// Finds the longest step from one state by the rotation of its springs.
 ///
 /// # Examples
 /// ```
@@ -163,7 +166,7 @@ impl Turn {
 /// # builder.hold(0);
 /// # builder.velocities[1] = Vector3::new(0.0, 1.0, 0.0);
 /// let (system, state) = builder.build()?;
-/// // A particle that goes round at 1 m/s, 1 m from its centre: a step of 0.5 s turns its spring far.
+/// // A particle that goes round at 1 m/s, 1 m from its centre: a step of 0.5 s rotates its spring far.
 /// let worst = RotationLimit::new(&system, &state, Par::Seq)?.worst(Stiffness::Axial, 0.5);
 /// assert!(worst.is_some());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -176,19 +179,16 @@ pub struct RotationLimit<'s> {
     matrix: SystemMatrix,
     factorization: Ldlt,
     /// The option and dt of the matrix that is factored.
-    at_hand: Option<(Stiffness, f64)>,
+    factored: Option<(Stiffness, f64)>,
     /// m of every degree of freedom.
     masses: Vec<f64>,
     /// `g + f_el`, full-length.
     force: Vec<Vector3<f64>>,
     displacement: Vec<Vector3<f64>>,
     reduced: Vec<f64>,
-    /// What it cost.
+    /// The work of the search.
     pub work: Work,
 }
-
-/// How much longer or shorter than the step whose matrix is factored one may be that is solved with it.
-const FARTHEST: f64 = 8.0;
 
 impl<'s> RotationLimit<'s> {
     /// At a state.
@@ -202,7 +202,7 @@ impl<'s> RotationLimit<'s> {
         Ok(Self::analysed(system, state, SpringGeometry::at(system, state)?, pattern, factorization, work))
     }
 
-    /// On a pattern that has been analysed.
+    /// As [`new`](Self::new), on a pattern that has been analysed.
     pub(super) fn analysed(
         system: &'s System,
         state: &'s State,
@@ -231,7 +231,7 @@ impl<'s> RotationLimit<'s> {
             operator,
             matrix,
             factorization,
-            at_hand: None,
+            factored: None,
             masses,
             force,
             displacement,
@@ -240,9 +240,9 @@ impl<'s> RotationLimit<'s> {
         }
     }
 
-    /// The spring that a step of length dt, in s, turns worst; `None` where it turns none or cannot be computed.
+    /// The spring that a step of length dt, in s, rotates worst; `None` where it rotates none or cannot be computed.
     ///
-    /// The step is the one of linearised backward Euler whose matrix is surely definite: under `Tension` for `Full` too.
+    /// The step is that of linearised backward Euler, under `Tension` for `Full` too: that matrix is positive definite.
     pub fn worst(&mut self, option: Stiffness, dt: f64) -> Option<Turn> {
         let solved = if option == Stiffness::Axial { Stiffness::Axial } else { Stiffness::Tension };
         self.operator.update(&self.extensions, solved, Combination::step(dt));
@@ -255,34 +255,34 @@ impl<'s> RotationLimit<'s> {
         self.displacement.fill(Vector3::zeros());
         self.system.prescribed().displacement(self.state.time + dt, &self.state.positions, &mut self.displacement);
         self.operator.subtract_coupling(&self.displacement, &mut self.reduced);
-        if !self.solves(solved, dt) {
+        if !self.solve(solved, dt) {
             return None;
         }
         self.system.dofs().scatter(&self.reduced, &mut self.displacement);
         Turn::worst(self.system, &self.extensions, &self.displacement, dt, option)
     }
 
-    /// Solves for the step: near one whose matrix is factored by that, elsewhere by its own.
-    fn solves(&mut self, solved: Stiffness, dt: f64) -> bool {
+    /// Solves for the step, with the factor at hand if that is of a step at most eight times as long or short.
+    fn solve(&mut self, solved: Stiffness, dt: f64) -> bool {
         let right = self.reduced.clone();
         let Self { operator, factorization, masses, work, .. } = self;
         let mut substitute = |r: &mut [f64]| {
             work.solves += 1;
             factorization.substitute(r);
         };
-        match self.at_hand {
+        match self.factored {
             Some((option, at)) if option == solved && at == dt => {
                 substitute(&mut self.reduced);
                 return true;
             }
-            Some((option, at)) if option == solved && (FARTHEST.recip()..=FARTHEST).contains(&(dt / at)) => {
-                if solve(operator, dt.recip(), masses, &mut substitute, &mut self.reduced) {
+            Some((option, at)) if option == solved && (0.125..=8.0).contains(&(dt / at)) => {
+                if conjugate_gradients(operator, dt.recip(), masses, &mut substitute, &mut self.reduced) {
                     return true;
                 }
             }
             _ => {}
         }
-        self.at_hand = None;
+        self.factored = None;
         self.matrix.refill(&self.operator);
         self.work.assemblies += 1;
         self.work.factorizations += 1;
@@ -292,23 +292,23 @@ impl<'s> RotationLimit<'s> {
         self.reduced.copy_from_slice(&right);
         self.work.solves += 1;
         self.factorization.substitute(&mut self.reduced);
-        self.at_hand = Some((solved, dt));
+        self.factored = Some((solved, dt));
         true
     }
 
-    /// Takes over the factorization of A of a step of this length under an option, for its own.
+    /// Takes over the factorization of A for a step of this length under an option.
     pub(super) fn take_over(&mut self, option: Stiffness, dt: f64, factorization: &mut Ldlt) {
         std::mem::swap(&mut self.factorization, factorization);
-        self.at_hand = Some((option, dt));
+        self.factored = Some((option, dt));
     }
 
-    /// The longest step, in s, that turns no spring too far, sought up and down from dt. [`Every`](LargestStep::Every) where
-    /// even one of `4¹² dt` does not.
+    /// The longest step, in s, that rotates no spring too far, searched up and down from dt. [`Every`](LargestStep::Every) where even
+    /// one of `4¹² dt` does not.
     pub fn largest_step(&mut self, option: Stiffness, dt: f64) -> LargestStep {
         self.limit_and_worst(option, dt).0
     }
 
-    /// The longest step, and the spring that dt itself turns worst.
+    /// The longest step, and the spring that dt itself rotates worst.
     pub(super) fn limit_and_worst(&mut self, option: Stiffness, dt: f64) -> (LargestStep, Option<Turn>) {
         let worst = self.worst(option, dt);
         let first = Trial { at: 0.0, excess: worst.map_or(f64::NEG_INFINITY, |turn| turn.excess().ln()) };
@@ -323,5 +323,205 @@ impl<'s> RotationLimit<'s> {
     }
 }
 
+/// The shortest leap of the search, as a factor of dt. It covers twelve of them, and one leap may be four.
+const LEAP: f64 = 4.0;
+
+/// The relative width of the bracket: an estimate needs two digits.
+const WIDTH: f64 = 0.01;
+
+/// A step that was tried.
+#[derive(Debug, Clone, Copy)]
+struct Trial {
+    /// The logarithm of its length over that of the first trial.
+    at: f64,
+    /// The logarithm of the excess: above zero where the step is too long.
+    excess: f64,
+}
+
+/// A bracket of the limit near the first trial, which lies at 0; `None` where there is none.
+fn search(first: Trial, mut excess: impl FnMut(f64) -> f64) -> Option<[f64; 2]> {
+    let is_too_long = first.excess > 0.0;
+    let direction = if is_too_long { -1.0 } else { 1.0 };
+    let shortest = LEAP.ln();
+    let farthest = 12.0 * shortest;
+    let (mut near, mut leap) = (first, shortest);
+    while near.at.abs() < farthest {
+        let at = direction * (near.at.abs() + leap).min(farthest);
+        let far = Trial { at, excess: excess(at) };
+        if (far.excess > 0.0) != is_too_long {
+            let [low, high] = if is_too_long { [far, near] } else { [near, far] };
+            return Some(narrowed(low, high, excess));
+        }
+        let ahead = far.excess * (far.at - near.at).abs() / (near.excess - far.excess);
+        leap = if ahead.is_finite() { (1.1 * ahead).clamp(shortest, 4.0 * shortest) } else { shortest };
+        near = far;
+    }
+    None
+}
+
+/// Narrows a bracket to [`WIDTH`] by the Illinois method: an end that stays is given half of its excess. Trials keep half of the width
+/// away from the ends, and after a dozen they are bisections.
+fn narrowed(mut low: Trial, mut high: Trial, mut excess: impl FnMut(f64) -> f64) -> [f64; 2] {
+    let width = WIDTH.ln_1p();
+    let (mut trials, mut was_high) = (0, None);
+    while high.at - low.at > width {
+        let line = low.at + (high.at - low.at) * low.excess / (low.excess - high.excess);
+        let at = match line.is_finite() && trials < 12 {
+            true => line.clamp(low.at + 0.5 * width, high.at - 0.5 * width),
+            false => low.at.midpoint(high.at),
+        };
+        let trial = Trial { at, excess: excess(at) };
+        let is_high = trial.excess > 0.0;
+        let (moved, stays) = if is_high { (&mut high, &mut low) } else { (&mut low, &mut high) };
+        *moved = trial;
+        if was_high == Some(is_high) {
+            stays.excess *= 0.5;
+        }
+        was_high = Some(is_high);
+        trials += 1;
+    }
+    [low.at, high.at]
+}
+
+/// Solves `P(s) x = b`, b in the place of x, to an error of 10⁻⁵ in the norm of P(s), in forty iterations at most; returns `false` where
+/// that fails. `masses` is the diagonal of M.
+fn conjugate_gradients(
+    p: &dyn LinearOperator,
+    s: f64,
+    masses: &[f64],
+    precondition: &mut dyn FnMut(&mut [f64]),
+    x: &mut [f64],
+) -> bool {
+    let b = x.to_vec();
+    let mut rest = b.clone();
+    x.fill(0.0);
+    let (mut direction, mut product) = (vec![0.0; b.len()], vec![0.0; b.len()]);
+    let mut before = f64::INFINITY;
+    for iteration in 0..=40 {
+        let error: f64 = rest.iter().zip(masses).map(|(r, mass)| r * r / mass).sum();
+        let energy = dot(x, &b);
+        if !(error.is_finite() && energy.is_finite()) {
+            return false;
+        }
+        if error <= (1e-5 * s).powi(2) * energy || error == 0.0 {
+            return true;
+        }
+        if iteration == 40 {
+            break;
+        }
+        let mut z = rest.clone();
+        precondition(&mut z);
+        let now = dot(&rest, &z);
+        let beta = now / before;
+        direction.iter_mut().zip(&z).for_each(|(d, z)| *d = z + beta * *d);
+        p.apply(&direction, &mut product);
+        let alpha = now / dot(&direction, &product);
+        x.iter_mut().zip(&direction).for_each(|(x, d)| *x += alpha * d);
+        rest.iter_mut().zip(&product).for_each(|(r, p)| *r -= alpha * p);
+        before = now;
+    }
+    false
+}
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::inspect::fixtures::{pin, pinned};
+    use crate::inspect::tests::chain;
+    use crate::system::{ExternalForce, StateView};
+
+    /// Powers, as turning gives them, kinks where another spring becomes the worst, jumps, and values that are no numbers.
+    #[test]
+    fn limits_are_found_in_a_few_trials() {
+        type Excess = fn(f64) -> f64;
+        let cases: [(Excess, f64); 9] = [
+            (|dt| 3.0 * (dt / 1.7).ln(), 1.7),
+            (|dt| 4.0 * (dt / 1e-3).ln(), 1e-3),
+            (|dt| 1.5 * (dt / 5e4).ln(), 5e4),
+            (|dt| (4.0 * (dt / 1.2).ln()).max((dt / 1.1).ln()), 1.1),
+            (|dt| (dt / 3.9).ln() + (dt / 3.9).ln().powi(3), 3.9),
+            (|dt| if dt > 2.0 { 5.0 } else { -5.0 }, 2.0),
+            (|dt| if dt > 0.02 { 5.0 } else { -5.0 }, 0.02),
+            (|dt| if dt > 1.01 { 1e-9 } else { f64::NEG_INFINITY }, 1.01),
+            (|dt| if dt > 3.99 { f64::INFINITY } else { -1e-9 }, 3.99),
+        ];
+        for (number, (excess, limit)) in cases.into_iter().enumerate() {
+            let mut trials = 0;
+            let found = search(Trial { at: 0.0, excess: excess(1.0) }, |at: f64| {
+                trials += 1;
+                excess(at.exp())
+            });
+            let Some(between) = found else { panic!("{number}: no limit") };
+            let ([low, high], rounding) = (between.map(f64::exp), 1.0 + 1e-12);
+            assert!(low <= limit * rounding && limit <= high * rounding, "{number}: {low} {high}");
+            assert!(high / low <= (1.0 + WIDTH) * rounding, "{number}: {low} {high}");
+            assert!(trials <= if number < 5 { 9 } else { 25 }, "{number}: {trials} trials");
+        }
+        assert_eq!(search(Trial { at: 0.0, excess: -1.0 }, |_| -1.0), None);
+        assert_eq!(search(Trial { at: 0.0, excess: f64::NEG_INFINITY }, |_| f64::NEG_INFINITY), None);
+        assert_eq!(search(Trial { at: 0.0, excess: 1.0 }, |_| 2.0), None);
+    }
+
+    /// A step of exactly the limit is not too long: the search goes up from it, and stops going down at it.
+    #[test]
+    fn the_limit_itself_is_kept() {
+        let limit =
+            |first: f64, offset: f64| search(Trial { at: 0.0, excess: first }, |at| at + offset).map(|[low, _]| low);
+        assert_eq!(limit(0.0, 0.0), Some(0.0));
+        assert_eq!(limit(LEAP.ln(), LEAP.ln()), Some(-LEAP.ln()));
+    }
+
+    /// (s² m + c) x = b by hand: exactly, with what solves exactly or nearly, and not at all where squares overflow.
+    #[test]
+    fn steps_are_solved_for_unless_they_overflow() {
+        let (system, state) = pinned(&[pin(2.0, -1.0), pin(1.0, -12.0)]);
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
+        let p = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.5));
+        for (diagonal, most) in [([9.0, 16.0], 1), ([8.0, 4.0], 2)] {
+            let mut uses = 0;
+            let mut precondition = |r: &mut [f64]| {
+                uses += 1;
+                r.iter_mut().zip(diagonal).for_each(|(r, diagonal)| *r /= diagonal);
+            };
+            let mut x = [27.0, 32.0];
+            assert!(conjugate_gradients(&p, 2.0, &[2.0, 1.0], &mut precondition, &mut x));
+            assert!((x[0] - 3.0).abs() < 1e-12 && (x[1] - 2.0).abs() < 1e-12, "{x:?}");
+            assert_eq!(uses, most);
+        }
+        let mut unused = |_: &mut [f64]| panic!("a direction that is of no use");
+        assert!(!conjugate_gradients(&p, 2.0, &[2.0, 1.0], &mut unused, &mut [1e200, 0.0]));
+    }
+
+    /// A particle between two walls that flies across its springs at 10⁹ m/s: no step that is tried is short enough.
+    #[test]
+    fn a_motion_so_fast_that_every_step_is_too_long_has_no_limit() {
+        let (system, mut state) = chain(1, 1.0);
+        let limit =
+            |state: &State| RotationLimit::new(&system, state, Par::Seq).unwrap().largest_step(Stiffness::Axial, 1.0);
+        assert_eq!(limit(&state), LargestStep::Every);
+        state.velocities[1].y = 1e9;
+        assert_eq!(limit(&state), LargestStep::UpTo { dt: 0.0, refused: 1.0 });
+        state.velocities[1].y = 1.0;
+        assert!(matches!(limit(&state), LargestStep::UpTo { dt, refused } if 0.0 < dt && dt < refused));
+    }
+
+    /// Wind that pushes as gravity would limits steps as gravity does.
+    #[test]
+    fn external_forces_turn_springs_too() {
+        #[derive(Debug)]
+        struct Wind;
+
+        impl ExternalForce for Wind {
+            fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
+                force.iter_mut().take(at.positions.len()).for_each(|f| f.y -= 90.0);
+            }
+        }
+
+        let (system, state) = chain(1, 1.0);
+        let limit =
+            |system: &System| RotationLimit::new(system, &state, Par::Seq).unwrap().largest_step(Stiffness::Axial, 1.0);
+        let calm = limit(&system);
+        let blown = limit(&system.clone().with_external_force(Wind));
+        assert!(calm == LargestStep::Every && matches!(blown, LargestStep::UpTo { .. }), "{calm:?} {blown:?}");
+    }
+}

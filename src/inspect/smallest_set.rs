@@ -1,7 +1,7 @@
 //! A smallest set of springs whose transverse terms must be dropped to make A positive definite.
 //!
-//! Let F be springs that are *enough*: without their transverse terms, A_F is positive definite. Putting back the terms of some
-//! springs s of F subtracts `N_s N_sᵀ`, N_s having a column `√c (t at i, −t at j)` for each direction t across the spring, with
+//! Let F be a *sufficient* set: without the transverse terms of its springs, A_F is positive definite. Putting back the terms of
+//! some springs s of F subtracts `N_s N_sᵀ`, N_s having a column `√c (t at i, −t at j)` for each direction t across the spring, with
 //! `c = k(1/l − 1/l0)`. By Schur's complement
 //!
 //! ```text
@@ -10,63 +10,54 @@
 //!
 //! a small dense matrix: one sparse factorization and a solve a column, and every question about subsets of F is cheap.
 //!
-//! **From below.** Some springs are in every set that is enough, and N negative eigenvalues take N/2 terms or more, see `necessary`. Where the
-//! necessary springs are enough by themselves, which one factorization tells, they are the smallest set there is.
+//! **From below.** Some springs are in every sufficient set, and N negative eigenvalues take N/2 terms or more, see `necessary`. Where
+//! the necessary springs are sufficient, by one factorization, they are the smallest set.
 //!
-//! **From above.** *Enough* springs come from the local condition of [`Regularization`]. Where these are too many, only the necessary ones of them
-//! and those that are nearest to it are taken, as few as three halvings with a factorization each find to be enough.
+//! **From above.** A sufficient set comes from the local condition of [`Regularization`]. Where it is too large, it is narrowed to
+//! the necessary springs and those nearest to it, by three halvings with a factorization each.
 //!
-//! **The search** is one in that small matrix (`choice`). Dropping more never hurts, so what remains is *irredundant*: none of its springs can be
-//! spared. It need not be of least size, to find which is as hard as covering a set; where one spring is to blame, it is that spring.
+//! **The search** in that small matrix is greedy. All terms are put back; while the rest is not positive definite, the one with the
+//! largest part in the worst eigenvector of `H = Nᵀ A_F⁻¹ N` is dropped; in the end each dropped one is put back if that does no
+//! harm, the last one first. The other way round, all are dropped and put back one by one, the weakest first. The smaller of both
+//! sets is *irredundant*: none of its springs can be spared. It need not be of least size, which is as hard to find as a set cover.
 
-use super::greedy_selection::{Minimality, choose};
 use super::inertia::InertiaCounter;
 use super::necessary::{Column, NECESSARY, Necessity, fewest};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::force::SpringGeometry;
 use crate::integrate::Regularization;
-use crate::linear::{Ldlt, SOLVE_COLUMNS};
+use crate::linear::{Ldlt, SOLVE_COLUMNS, norm};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::{Spring, Stiffness};
 use crate::system::System;
 use crate::work::Work;
 use faer::Par;
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use std::sync::Arc;
 
-/// Springs without whose transverse terms A is positive definite, proven by a factorization.
+/// A set of springs without whose transverse terms A is positive definite, proven by a factorization.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DropSet {
-    /// The springs; those that matter most first, where the set is irredundant.
+    /// The springs; where the set is irredundant, in the order of their parts in the negative curvature.
     pub springs: Vec<usize>,
-    /// How small the set is.
+    /// The minimality of the set.
     pub minimality: Minimality,
-    /// No set of fewer springs than this is enough, proven.
+    /// A proven lower bound for the size of such a set.
     pub at_least: usize,
-    /// How many springs option II (`tension`) would drop: all that are compressed.
+    /// The number of springs that option II (`tension`) drops: all that are compressed.
     pub tension: usize,
 }
 
 impl DropSet {
-    /// Whether no smaller set is enough.
+    /// No smaller set is sufficient, proven.
     pub fn is_smallest(&self) -> bool {
         self.springs.len() <= self.at_least
     }
 }
 
-/// Multiplications that the solves of one search may take, and the factorizations of its dense matrices: a few seconds.
-const AFFORDABLE: f64 = 2e10;
-
-/// Springs up to which a search is always affordable, and beyond which it never is (the dense matrix is too large).
-const ALWAYS: usize = 32;
-const NEVER: usize = 500;
-
-/// Terms up to which the search begins with all that the local condition names: the wider the choice, the smaller the set.
-const WHOLE: usize = 128;
-
-/// Factorizations that narrow down how many of the most negative terms are enough.
-const HALVINGS: usize = 3;
+/// Multiplications of the solves of one search, and of its dense factorizations: a few seconds.
+const MOST_MULTIPLICATIONS: f64 = 2e10;
 
 /// Finds a smallest set for a step of length dt, where A under `Full` is indefinite (empty where it is not).
 ///
@@ -86,7 +77,7 @@ pub fn smallest_set(
     Ok(smallest_set_with(Trial::new(system, extensions, dt, pattern, factorization), 0, counter, work))
 }
 
-/// As [`smallest_set`]; A may be known to have negative eigenvalues. `counter` knows the pattern.
+/// As [`smallest_set`], on an analysed pattern; A may be known to have negative eigenvalues.
 pub(super) fn smallest_set_with(
     mut trial: Trial,
     negative: usize,
@@ -123,25 +114,24 @@ pub(super) fn smallest_set_with(
         return set(&enough, Minimality::Enough, at_least);
     }
     let (chosen, minimality) = trial.irredundant(&enough, work);
-    // What the dense matrix says is proven by a factorization of A itself.
+    // A factorization of A itself proves it.
     match trial.is_definite(&chosen, work) {
         true => set(&chosen, minimality, at_least),
         false => set(&enough, Minimality::Enough, at_least),
     }
 }
 
-/// Whether it is affordable to find out which of so many springs can be spared, with a factor of so many entries.
+/// A search among so many springs is affordable, with a factor of so many entries: always for a few, and never where the
+/// dense matrix is too large.
 fn is_affordable(springs: usize, entries: usize) -> bool {
-    let affordable = (AFFORDABLE / (4.0 * entries as f64)) as usize;
-    springs <= affordable.clamp(ALWAYS, NEVER)
+    springs <= ((MOST_MULTIPLICATIONS / (4.0 * entries as f64)) as usize).clamp(32, 500)
 }
 
-/// What a transverse term is like.
+/// The transverse term of a spring.
 #[derive(Debug, Clone, Copy)]
 struct Term {
-    /// The rank of what it takes.
     rank: usize,
-    /// How far it goes towards making A indefinite by itself, see [`Necessity::need`].
+    /// See [`Necessity::need`].
     need: f64,
 }
 
@@ -155,12 +145,12 @@ pub(super) struct Trial<'s> {
     matrix: SystemMatrix,
     factorization: Ldlt,
     options: Vec<Stiffness>,
-    /// c, what the transverse term of every active spring takes; zero where it takes nothing.
+    /// c of every active spring; zero where it is stretched.
     taken: Vec<f64>,
 }
 
 impl<'s> Trial<'s> {
-    /// For a step of length dt, on a pattern that has been analysed.
+    /// For a step of length dt, on an analysed pattern.
     pub fn new(
         system: &'s System,
         extensions: &'s SpringGeometry,
@@ -197,7 +187,7 @@ impl<'s> Trial<'s> {
         self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive()
     }
 
-    /// What each active spring's term is like.
+    /// The terms of all active springs.
     fn terms(&mut self) -> Vec<Term> {
         self.operator.update(self.extensions, Stiffness::Tension, self.combination);
         let necessity = Necessity::new(&self.operator, &self.pattern);
@@ -212,20 +202,20 @@ impl<'s> Trial<'s> {
         self.system.active_springs().iter().enumerate().map(term).collect()
     }
 
-    /// Springs that are enough: the necessary ones, which are not, and those that are nearest to it; `None` if rounding hides that they are.
+    /// A sufficient set: the necessary springs and those nearest to it; `None` where rounding hides one.
     fn enough(&mut self, necessary: &[usize], terms: &[Term], work: &mut Work) -> Option<Vec<usize>> {
         let mut softening = Regularization::new(self.system);
-        softening.choose(self.system, self.extensions, self.combination);
+        softening.choose(self.system, self.extensions, self.combination).ok()?;
         let options = softening.options();
         let is_new = |p: &usize| options[*p] == Stiffness::Tension && terms[*p].need < NECESSARY;
         let mut others: Vec<usize> = (0..options.len()).filter(is_new).collect();
         others.sort_by(|&a, &b| terms[b].need.total_cmp(&terms[a].need).then(a.cmp(&b)));
         let mut local = [necessary, &others].concat();
-        if local.len() > WHOLE {
-            // Between `refused` and `accepted` of them.
+        // The wider the choice, the smaller the set.
+        if local.len() > 128 {
             let (mut refused, mut accepted) = (necessary.len(), local.len());
             let mut is_factored = false;
-            for _ in 0..HALVINGS {
+            for _ in 0..3 {
                 if accepted - refused <= 1 + accepted / 16 {
                     break;
                 }
@@ -238,7 +228,6 @@ impl<'s> Trial<'s> {
                 }
             }
             local.truncate(accepted);
-            // The factorization that was accepted last may still be at hand.
             if is_factored {
                 return Some(local);
             }
@@ -246,7 +235,7 @@ impl<'s> Trial<'s> {
         self.is_definite(&local, work).then_some(local)
     }
 
-    /// Of `enough`, whose factorization is at hand, the springs that must be dropped.
+    /// An irredundant part of a sufficient set whose factorization is at hand.
     fn irredundant(&mut self, enough: &[usize], work: &mut Work) -> (Vec<usize>, Minimality) {
         let (columns, owners) = self.columns(enough);
         let n = self.system.dofs().len();
@@ -266,11 +255,11 @@ impl<'s> Trial<'s> {
                 }
             }
         }
-        let (order, minimality) = choose(&h, &owners, enough.len(), AFFORDABLE);
+        let (order, minimality) = choose(&h, &owners, enough.len(), MOST_MULTIPLICATIONS);
         (order.into_iter().filter_map(|k| enough.get(k).copied()).collect(), minimality)
     }
 
-    /// The columns of N for the given springs, as (row, value), and which of the springs each belongs to.
+    /// The columns of N for the given springs, as (row, value), and the index of the spring that each belongs to.
     fn columns(&self, springs: &[usize]) -> (Vec<Column>, Vec<usize>) {
         let dofs = self.system.dofs();
         let (mut columns, mut owners) = (Vec::new(), Vec::new());
@@ -297,6 +286,81 @@ impl<'s> Trial<'s> {
     }
 }
 
+/// The minimality of a [`DropSet`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Minimality {
+    /// None of the springs can be spared.
+    Irredundant,
+    /// The set is sufficient; a search for springs that can be spared is too expensive.
+    Enough,
+}
+
+/// The owners to drop so that `I − H`, restricted to the columns of the others, is positive definite, in the order in which they were
+/// found. Where that would take more than `most` multiplications the search ends early, and in the end all are dropped.
+fn choose(h: &DMatrix<f64>, owners: &[usize], count: usize, most: f64) -> (Vec<usize>, Minimality) {
+    let columns = |dropped: &[bool]| -> Vec<usize> { (0..owners.len()).filter(|&c| !dropped[owners[c]]).collect() };
+    let restricted = |kept: &[usize]| {
+        DMatrix::from_fn(kept.len(), kept.len(), |r, c| 0.5 * (h[(kept[r], kept[c])] + h[(kept[c], kept[r])]))
+    };
+    let mut left = most;
+    let mut is_definite = |dropped: &[bool]| {
+        let kept = columns(dropped);
+        left -= (kept.len() as f64).powi(3) / 6.0;
+        let rest = DMatrix::identity(kept.len(), kept.len()) - restricted(&kept);
+        (left > 0.0).then(|| Cholesky::new(rest).is_some())
+    };
+    let (mut order, mut dropped) = (Vec::new(), vec![false; count]);
+    while order.len() < count {
+        match is_definite(&dropped) {
+            Some(true) => break,
+            Some(false) => {}
+            None => return ((0..count).collect(), Minimality::Enough),
+        }
+        let kept = columns(&dropped);
+        let matrix = restricted(&kept);
+        // A power iteration from a vector that is hardly orthogonal to an eigenvector.
+        let mut x = DVector::from_fn(kept.len(), |k, _| 1.0 + 0.1 * (k as f64).sin());
+        for _ in 0..40 {
+            // Not zero: H has an eigenvalue of one or more.
+            x = &matrix * x;
+            x /= norm(x.as_slice());
+        }
+        let mut weights = vec![0.0; count];
+        for (&column, x) in kept.iter().zip(x.iter()) {
+            weights[owners[column]] += x * x;
+        }
+        let worst = (0..count).filter(|&k| !dropped[k]).max_by(|&a, &b| weights[a].total_cmp(&weights[b]));
+        worst.into_iter().for_each(|worst| dropped[worst] = true);
+        order.extend(worst);
+    }
+    for spring in order.clone().into_iter().rev() {
+        dropped[spring] = false;
+        match is_definite(&dropped) {
+            Some(true) => order.retain(|&other| other != spring),
+            Some(false) => dropped[spring] = true,
+            None => return (order, Minimality::Enough),
+        }
+    }
+    // The other way round.
+    let strength = |k: usize| {
+        let own = owners.iter().enumerate().filter(|(_, owner)| **owner == k);
+        own.map(|(column, _)| h[(column, column)]).fold(0.0, f64::max)
+    };
+    let mut weakest: Vec<(f64, usize)> = (0..count).map(|k| (strength(k), k)).collect();
+    weakest.sort_by(|a, b| a.0.total_cmp(&b.0));
+    dropped.fill(true);
+    for &(_, spring) in &weakest {
+        dropped[spring] = false;
+        match is_definite(&dropped) {
+            Some(true) => {}
+            Some(false) => dropped[spring] = true,
+            None => return (order, Minimality::Irredundant),
+        }
+    }
+    let other: Vec<usize> = weakest.into_iter().rev().map(|(_, k)| k).filter(|&k| dropped[k]).collect();
+    (if other.len() < order.len() { other } else { order }, Minimality::Irredundant)
+}
+
 /// Two unit vectors across n.
 fn across(n: &Vector3<f64>) -> [Vector3<f64>; 2] {
     let axis = Vector3::ith(n.iamin(), 1.0);
@@ -304,5 +368,135 @@ fn across(n: &Vector3<f64>) -> [Vector3<f64>; 2] {
     [first, n.cross(&first)]
 }
 
+/// Particles between walls, each with springs pressed from 1.25 m to 1 m: across, every spring takes 10 N/m, and m/dt² is the mass.
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::system::{State, SystemBuilder};
+
+    /// A particle of each mass in the plane, with one or two springs.
+    fn particles(masses: &[(f64, usize)]) -> (System, State) {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        for (row, &(mass, springs)) in masses.iter().enumerate() {
+            let y = 3.0 * row as f64;
+            let free = builder.particle([0.0, y, 0.0], mass);
+            for x in [-1.0, 1.0].into_iter().take(springs) {
+                let wall = builder.particle([x, y, 0.0], 1.0);
+                builder.hold(wall);
+                builder.spring(free, wall, Spring { stiffness: 50.0, rest_length: 1.25, damping: 0.0 });
+            }
+        }
+        builder.build().unwrap()
+    }
+
+    /// The set for a step of 1 s; symbolic analyses, assemblies, factorizations and solves.
+    fn set(masses: &[(f64, usize)]) -> (DropSet, [u64; 4]) {
+        let (system, state) = particles(masses);
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
+        let mut work = Work::default();
+        let set = smallest_set(&system, &extensions, 1.0, Par::Seq, &mut work).unwrap();
+        (set, [work.symbolic_factorizations, work.assemblies, work.factorizations, work.solves])
+    }
+
+    /// Every spring is necessary if 10 N/m outweigh the mass, one of two if 20 do, else none.
+    #[test]
+    fn sets_and_their_work_are_those_by_hand() {
+        let irredundant = Minimality::Irredundant;
+        let (none, work) = set(&[(25.0, 2)]);
+        assert_eq!((none.springs.len(), none.at_least, none.tension, work), (0, 0, 2, [1, 1, 1, 0]));
+        // Refused, and proven to be enough.
+        let (both, work) = set(&[(8.0, 2)]);
+        assert_eq!((both.springs.as_slice(), both.at_least, both.minimality), ([0, 1].as_slice(), 2, irredundant));
+        assert_eq!(work, [1, 2, 2, 0]);
+        // Refused, enough by the local condition, a solve for one column, and the proof.
+        let (one, work) = set(&[(15.0, 2)]);
+        assert_eq!((one.springs.len(), one.at_least, one.minimality, work), (1, 1, irredundant, [1, 3, 3, 1]));
+        // One is necessary; then two are still negative, which takes two of the four others.
+        let (three, work) = set(&[(8.0, 1), (15.0, 2), (15.0, 2)]);
+        assert_eq!((three.springs.len(), three.at_least, three.tension, three.is_smallest()), (3, 3, 5, true));
+        assert_eq!((three.minimality, work), (irredundant, [1, 4, 6, 3]));
+    }
+
+    /// 600 terms are too many to tell which of them can be spared: three halvings find that fewer than 525 are not enough.
+    #[test]
+    fn sets_of_very_many_springs_are_enough_and_no_more_is_looked_for() {
+        let (many, work) = set(&[(15.0, 2); 600]);
+        assert_eq!((many.springs.len(), many.tension, many.minimality), (600, 1200, Minimality::Enough));
+        assert_eq!(work, [1, 5, 5, 0]);
+    }
+
+    #[test]
+    fn a_set_is_smallest_where_no_fewer_springs_are_enough() {
+        let of = |at_least| DropSet { springs: vec![3, 7], minimality: Minimality::Enough, at_least, tension: 9 };
+        assert_eq!([1, 2, 3].map(|at_least| of(at_least).is_smallest()), [false, true, true]);
+    }
+
+    /// 128 terms are few enough to begin with all of them. Of 130, 121 of them necessary, the nine others are too few to be halved.
+    #[test]
+    fn a_wide_choice_is_halved() {
+        let (half, work) = set(&[(15.0, 2); 128]);
+        assert_eq!((half.springs.len(), work), (128, [1, 3, 3, 128]));
+        let pairs = [[(8.0, 1); 121].as_slice(), &[(15.0, 2); 9]].concat();
+        let (most, work) = set(&pairs);
+        // Refused twice, counted once, enough by the local condition, and the proof.
+        assert_eq!((most.springs.len(), most.at_least, work), (130, 130, [1, 4, 6, 130]));
+    }
+
+    /// Particles on pressed springs that run askew, with masses below the rounding of the springs: without all that they take across A is singular
+    /// as far as can be told, so that nothing is known but that all have to go; one that is stretched takes nothing.
+    #[test]
+    fn where_rounding_hides_what_is_enough_all_are_named() {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        for row in 0..12 {
+            let (y, angle) = (5.0 * row as f64, 0.1 + 0.11 * row as f64);
+            let free = builder.particle([0.0, y, 0.0], 1e-18);
+            let wall = builder.particle([f64::cos(angle), y + f64::sin(angle), 0.0], 1.0);
+            builder.hold(wall);
+            let rest_length = if row == 5 { 0.5 } else { 1.25 };
+            builder.spring(free, wall, Spring { stiffness: 50.0, rest_length, damping: 0.0 });
+        }
+        let (system, state) = builder.build().unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
+        let set = smallest_set(&system, &extensions, 1.0, Par::Seq, &mut Work::default()).unwrap();
+        let pressed: Vec<usize> = (0..12).filter(|&spring| spring != 5).collect();
+        assert_eq!((set.springs, set.minimality, set.tension), (pressed, Minimality::Enough, 11));
+    }
+
+    /// Three owners of one column each, of which the first two are too much by themselves.
+    #[test]
+    fn a_search_that_costs_too_much_keeps_what_is_enough() {
+        let h = DMatrix::from_partial_diagonal(3, 3, &[1.5, 1.25, 0.5]);
+        let owners = [0, 1, 2];
+        assert_eq!(choose(&h, &owners, 3, f64::INFINITY), (vec![0, 1], Minimality::Irredundant));
+        // 27/6, 8/6 and 1/6 multiplications for the three looks on the way there.
+        assert_eq!(choose(&h, &owners, 3, 5.0), (vec![0, 1, 2], Minimality::Enough));
+        assert_eq!(choose(&h, &owners, 3, 6.5), (vec![0, 1], Minimality::Enough));
+        // Two more of 8/6 each, and none of the other way round.
+        assert_eq!(choose(&h, &owners, 3, 9.0), (vec![0, 1], Minimality::Irredundant));
+        // One look at six columns takes 36: nothing may be left then.
+        let none = DMatrix::zeros(6, 6);
+        let owners = [0, 1, 2, 3, 4, 5];
+        assert_eq!(choose(&none, &owners, 6, 36.0), ((0..6).collect(), Minimality::Enough));
+        assert_eq!(choose(&none, &owners, 6, 36.5), (Vec::new(), Minimality::Irredundant));
+    }
+
+    /// Terms so strong that their powers overflow: the strongest goes first. Of equal ones it is the one with most columns, then the last.
+    #[test]
+    fn the_worst_goes_first() {
+        let strong = DMatrix::from_partial_diagonal(2, 2, &[1e12, 1e11]);
+        assert_eq!(choose(&strong, &[0, 1], 2, f64::INFINITY), (vec![0, 1], Minimality::Irredundant));
+        let equal = DMatrix::from_diagonal_element(4, 4, 2.0);
+        assert_eq!(choose(&equal, &[0, 2, 1, 0], 3, f64::INFINITY).0, [0, 1, 2]);
+    }
+
+    /// Four owners of one column each, of which the worst eigenvectors pick three where two are enough.
+    #[test]
+    fn the_smaller_set_of_both_ways_is_taken() {
+        let h = [
+            1.125, 0.0, -0.125, 0.3125, 0.0, 0.75, 0.1875, 0.625, -0.125, 0.1875, 0.9375, 0.125, 0.3125, 0.625, 0.125,
+            0.625,
+        ];
+        let h = DMatrix::from_row_slice(4, 4, &h);
+        assert_eq!(choose(&h, &[0, 1, 2, 3], 4, f64::INFINITY), (vec![0, 1], Minimality::Irredundant));
+    }
+}

@@ -1,7 +1,7 @@
 //! Both ends of the spectrum of A, and the condition number.
 //!
-//! Small matrices are diagonalised whole. In large ones the ends are found by shift-invert Lanczos (`eigen`) and proven by counts of
-//! negative pivots; so is the eigenvalue nearest to zero, which decides about the condition number of an indefinite A.
+//! Small matrices are diagonalised whole. In large ones the ends, and the eigenvalue nearest to zero of an indefinite A, are found by
+//! shift-invert Lanczos (`eigen`) and proven by counts of negative pivots.
 
 use super::inertia::Inertia;
 use crate::assembly::SymmetricMatrix;
@@ -13,7 +13,7 @@ use crate::work::Work;
 use faer::Par;
 use nalgebra::{DMatrix, Dyn, SymmetricEigen};
 
-/// What is known of a spectrum.
+/// Both ends of a spectrum.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spectrum {
     /// The lowest eigenpairs, ascending.
@@ -22,14 +22,14 @@ pub struct Spectrum {
     pub largest: f64,
     /// `max|λ|/min|λ|`; infinite where an eigenvalue cannot be told from zero.
     pub condition: f64,
-    /// What λ_min lies between, proven; infinite where there is no proof.
+    /// Proven bounds of λ_min; infinite where there is none.
     pub smallest_within: [f64; 2],
-    /// The same of λ_max.
+    /// Proven bounds of λ_max.
     pub largest_within: [f64; 2],
 }
 
 impl Spectrum {
-    /// Of which nothing is known.
+    /// An unknown spectrum.
     pub(super) fn unknown() -> Self {
         let anywhere = [f64::NEG_INFINITY, f64::INFINITY];
         let (lowest, largest, condition) = (Vec::new(), f64::NAN, f64::NAN);
@@ -47,11 +47,10 @@ impl Spectrum {
     }
 }
 
-/// Up to this order a matrix is diagonalised whole.
+/// The largest order of a matrix that is diagonalised whole.
 pub(super) const LARGEST_DENSE: usize = 240;
 
-/// The lowest `wanted` eigenpairs (all, for a small matrix), the largest eigenvalue and the condition number. `inertia` is
-/// that of A. Where A has up to `wanted` negative eigenvalues, all of them are found.
+/// The lowest `wanted` eigenpairs (all, for a small matrix), the largest eigenvalue and the condition number. `inertia` is that of A.
 ///
 /// # Errors
 /// A matrix that is too large to factor.
@@ -60,13 +59,13 @@ pub fn spectrum(a: &SymmetricMatrix, inertia: &Inertia, wanted: usize, par: Par,
     Ok(spectrum_with(&mut Ldlt::analyse(a.pattern(), par)?, a, inertia, wanted, &mut Known::nothing(a), work))
 }
 
-/// What is known of A before its spectrum.
+/// Facts about A before its spectrum is computed.
 pub(super) struct Known<'a> {
     /// A, by its fastest products.
     pub products: &'a dyn LinearOperator,
-    /// Whether the factorization is that of A, and positive; afterwards, whether it still is.
+    /// The factorization is that of A, and positive definite, before and after.
     pub is_factored: bool,
-    /// A proven bound for λ_min from below.
+    /// A proven lower bound for λ_min.
     pub floor: f64,
     pub accuracy: Accuracy,
 }
@@ -78,7 +77,7 @@ impl<'a> Known<'a> {
     }
 }
 
-/// As [`spectrum`], with a factorization that has been analysed before.
+/// As [`spectrum`], with an analysed factorization.
 pub(super) fn spectrum_with(
     factorization: &mut Ldlt,
     a: &SymmetricMatrix,
@@ -102,7 +101,7 @@ pub(super) fn spectrum_with(
     search.within[0] = if inertia.is_definite() { known.floor.max(0.0) } else { known.floor };
     let lowest = |search: &mut ShiftInvert<'_>| search.extreme(End::Lowest, wanted.clamp(1, n), known.accuracy);
     let highest = |search: &mut ShiftInvert<'_>| search.extreme(End::Highest, 1, Accuracy::CERTIFIED);
-    // A factor of A is used first, or left at the end.
+    // The low end uses a factor of A, or leaves one.
     let (lowest, highest) = match known.is_factored {
         true => (lowest(&mut search), highest(&mut search)),
         false => {
@@ -112,8 +111,7 @@ pub(super) fn spectrum_with(
     };
     let value = |pairs: &[Eigenpair]| pairs.first().map_or(f64::NAN, |pair| pair.value);
     let (smallest, largest) = (value(&lowest), value(&highest));
-    // A quotient has a rounding error of the products.
-    let rounding = QUOTIENT * norm;
+    let rounding = ROUNDING * norm;
     let (smallest_within, largest_within) =
         ([search.within[0], smallest + rounding], [largest - rounding, search.within[1]]);
     known.is_factored = search.is_factored;
@@ -158,7 +156,7 @@ pub fn smallest_eigenvalue(a: &SymmetricMatrix, par: Par, work: &mut Work) -> Re
     Ok(smallest_eigenvalue_with(&mut Ldlt::analyse(a.pattern(), par)?, a, Accuracy::FULL, work))
 }
 
-/// As [`smallest_eigenvalue`], with a factorization that has been analysed before.
+/// As [`smallest_eigenvalue`], with an analysed factorization.
 pub(super) fn smallest_eigenvalue_with(
     factorization: &mut Ldlt,
     a: &SymmetricMatrix,
@@ -178,9 +176,9 @@ pub(super) fn smallest_eigenvalue_with(
     pairs.first().map_or(f64::NAN, |pair| pair.value)
 }
 
-/// Rounding error of a Rayleigh quotient of a vector of length one, relative to the largest sum of a row: far above that of rows of some
-/// hundred entries.
-const QUOTIENT: f64 = 1e-13;
+/// The rounding error of a Rayleigh quotient relative to ‖A‖, far above that of rows of some hundred entries: curvature below it has no
+/// sign.
+pub(super) const ROUNDING: f64 = 1e-13;
 
 fn diagonalise(a: &SymmetricMatrix) -> Option<SymmetricEigen<f64, Dyn>> {
     let n = a.order();
@@ -235,7 +233,6 @@ mod tests {
         assert_eq!((work.factorizations, work.solves), (0, 0));
     }
 
-    /// Zero is not negative.
     #[test]
     fn negative_pairs_are_below_zero() {
         let pair = |value| Eigenpair { value, vector: Vec::new(), residual: 0.0 };
@@ -243,7 +240,6 @@ mod tests {
         assert_eq!(found.negative().len(), 2);
     }
 
-    /// Whatever is found, whether a matrix is diagonalised or searched: one that is singular to working precision has no condition number.
     #[test]
     fn a_zero_that_was_counted_makes_the_condition_infinite() {
         let mut work = Work::default();
@@ -257,8 +253,7 @@ mod tests {
         }
     }
 
-    /// A factor of A serves the low end, which is looked for first then. Otherwise the low end is last, so that its factor is left, if a bound
-    /// proves what it finds.
+    /// A factor of A serves the low end; otherwise that is last and leaves its factor, if a bound proves the eigenvalue.
     #[test]
     fn what_is_factored_is_used_and_left() {
         let a = diagonal(300, |k| if k == 0 { 2.0 } else { 4.0 });

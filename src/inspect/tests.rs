@@ -212,8 +212,7 @@ fn inspections_say_what_is_known() {
     assert!(safe.first.as_ref().is_none_or(|first| first.definite));
 }
 
-/// What is told of a matrix that is not factored, against its eigenvalues: proofs that hold, estimates that are near, and no more parts than
-/// that. A pressed chain is indefinite for a long step, definite for a short one, and then only as far as is seen; a stretched one is definite.
+/// Figures of a matrix that is not factored, against its eigenvalues: proofs hold, estimates are near. A pressed chain is indefinite for a long step, definite for a short one, and then only as far as is seen; a stretched one is definite.
 #[test]
 fn estimates_are_near_and_proofs_hold() {
     for (rest_length, inertia, definite, is_proven) in
@@ -225,9 +224,9 @@ fn estimates_are_near_and_proofs_hold() {
         let values = eigenvalues(free, rest_length, dt);
         let (low, high) = (values[0], values[2 * free - 1]);
         let mut seen = Vec::new();
-        let mut onlooker = |_: f64, found: &Inspection| seen.push(found.first.as_ref().map(|first| first.definite));
+        let mut observer = |_: f64, found: &Inspection| seen.push(found.first.as_ref().map(|first| first.definite));
         let found =
-            Inspection::estimated(&system, &state, dt, Stiffness::Full, SkipReason::TooMuchMemory, &mut onlooker)
+            Inspection::estimated(&system, &state, dt, Stiffness::Full, SkipReason::TooMuchMemory, &mut observer)
                 .unwrap();
         let first = found.first.as_ref().unwrap();
         assert_eq!((first.definite, first.is_proven), (definite, is_proven), "{rest_length} {inertia}");

@@ -1,80 +1,50 @@
 //! Runs whose step size follows an error estimate.
 //!
-//! **What is controlled.** A step from x to x' is accepted if its estimated local errors e_x and e_v of positions and
-//! velocities keep
+//! **Error.** A step from x to x' is accepted if its estimated local errors e_x and e_v of positions and velocities keep
 //!
 //! ```text
 //! e = √(‖e_x‖² + (X/V)² ‖e_v‖²)/(r X) · w^((p + 1)/q) ≤ 1,      w = max(1, min(TV/X, 10), TV/(10 X)).
 //! ```
 //!
-//! Norms are Euclidean over all particles. X is the spread `‖x − centroid‖` of the positions, and no less
-//! than a hundredth of what that was before (two particles that pass each other have none for a moment), V the largest ‖v‖ so far. A motion
-//! that has not begun yet has speed: V is at least `0.3 min(a₀T, √(a₀X))`, a₀ the norm of the accelerations at the start
-//! of the run of T seconds. (Where there is but one place, V is at least `0.3 a₀T` and X is the way V T.)
+//! Norms are Euclidean over all particles. X is the spread `‖x − centroid‖` of the positions, and no less than a hundredth of
+//! its largest value so far (two particles that pass each other have none for a moment). V is the largest ‖v‖ so far, and at
+//! least `0.3 min(a₀T, √(a₀X))`, a₀ the norm of the accelerations at the start of the run of T seconds. (Where all particles are
+//! at one place, V is at least `0.3 a₀T` and X is V T.)
 //!
-//! *Velocities have a full part in this.* X/V is the time in which a velocity error has become a position error of the same
-//! relative size. A method that damps leaves hardly any position error behind in a step that misses a fast vibration, and all
-//! of it in the velocity: a stiff rod or pendulum can be wrong by hundreds of times the tolerance by the end while every e_x is
-//! small. The price is that a fast vibration which carries speed is resolved even where it displaces little.
-//! Where a method's own estimates are known to fall short in this, e is multiplied by its [caution](AdaptiveStepper::caution).
+//! *Velocities count in full.* X/V is the time in which a velocity error becomes a position error of the same relative size. A
+//! method that damps leaves hardly any position error behind in a step that misses a fast vibration, and all of it in the
+//! velocity. Where a method's estimates are known to fall short in this, e is multiplied by its
+//! [safety factor](AdaptiveStepper::safety_factor).
 //!
 //! *Local errors add up.* With the same r in every step a method of order q whose estimate falls as h^(p + 1) ends with an error
-//! of rtol^(q/(p + 1)), as steps become more the shorter they are. So `r = rtol (2 rtol)^((p + 1)/q − 1)`, and rtol above a half: of
-//! a second-order method 0.14 rtol where that is 1e-2. Methods that go on with the finer of two formulas of neighbouring
-//! orders have p + 1 = q, and r = rtol. In a run in which particles travel far every step may do less: errors at the end are
-//! proportional to the way TV, in extents, up to about ten of them (measured on 700 random scenes with 2-, 4- and 8-th order alike), which is w.
-//! The error at the end is then proportional to rtol, and ordinarily 0.01 to 1 rtol, since e_v is counted for a whole X/V and errors
-//! cancel as motions swing.
+//! of rtol^(q/(p + 1)). So `r = rtol (2 rtol)^((p + 1)/q − 1)`, and rtol above a half; methods that go on with the finer of two
+//! formulas of neighbouring orders have p + 1 = q and r = rtol. Errors at the end are proportional to the path length TV in
+//! extents, up to about ten of them: the factor w, measured on random scenes (`verification/study.md`).
 //!
-//! *What does not cancel* counts by itself: a method whose stages have the directions of springs from the step's start brakes the motion
-//! where stiff springs turn, by as much of its energy in every step, see [`AdaptiveStepper::braked`].
+//! *Damping by rotation* does not cancel: a method whose stages have the directions of springs from the step's start brakes the
+//! motion where stiff springs turn, see [`AdaptiveStepper::rotational_damping`].
 //!
-//! **What `rtol` promises.** An error of positions at the end of about rtol relative to their distance from their centroid,
-//! where the motion does not multiply small differences: errors of all times are carried along, and a pendulum that is
-//! nearly upside down, a buckling column or a folding cloth makes more of them, as it does of any difference.
+//! **The next step.** Gustafsson's PI controller (1991) proposes `h (0.9/e)^{0.7/(p + 1)} (e_last/e)^{0.4/(p + 1)}`; steps that
+//! stability bounds keep farther away from e = 1 (see `control`). A method that saves a factorization when h stays keeps it as
+//! long as the proposal is within a dead band. A step that fails (an indefinite matrix, a collapsed spring) is tried again with
+//! half of h, and later steps come back to that length slowly. The first step is Hairer, Nørsett and Wanner's, see
+//! [`Scales::first_step`].
 //!
-//! **The next step.** Gustafsson's PI controller (1991) proposes `h (0.9/e)^{0.7/(p + 1)} (e_last/e)^{0.4/(p + 1)}`, which is
-//! smoother than `h e^{−1/(p + 1)}`; where stability bounds steps they keep farther away from e = 1 (see `control`). A method that saves
-//! a factorization when h stays keeps it as long as the proposal is within a dead band. A step that fails (an indefinite matrix, a
-//! collapsed spring) is tried again with half of h, and the steps after it come back to that length slowly: every failure of this kind
-//! goes away with short steps, or is the run's end. The first step
-//! is Hairer, Nørsett and Wanner's, see [`Scales::first_step`].
-//!
-//! **Which method** is best for few digits was measured on 730 ordinary scenes of `verification/study.md`. Of the tolerances 1e-2, 1e-3 and 1e-4 that end with at
-//! most a given error the cheapest, in force evaluations, over the cheapest of all four methods, median and nine tenths of the scenes:
-//!
-//! | error | bdf2 | w2 | rodas4 | dop853 |
-//! |---|---|---|---|---|
-//! | 1e-1 | 1.7, 2.4 | 1.1, 1.7 | 1.2, 1.7 | 1.4, 7.2 |
-//! | 1e-2 | 1.8, 5.1 | 1.2, 3.2 | 1.2, 1.7 | 1.4, 6.9 |
-//! | 1e-3 | 3.0, 13 | 1.5, 6.7 | 1.1, 1.9 | 1.2, 5.7 |
-//!
-//! With 1e-2 on ready scenes of 100 to 400 particles rodas4 takes a third of the force evaluations and 0.4 of the time of w2 (cloths that swing down, 2 s: 8 100 and
-//! 30 200 evaluations for 10 × 10, 10 300 and 30 200 for 20 × 20), about as long as bdf2 with a third to a fifth of its error; on lattices twice as long as w2, with a quarter of
-//! its error. An explicit method is several times faster where nothing is stiff, and has no bound where something is: `--accuracy` weighs that, scene by
-//! scene. So adaptive steps are those of rodas4 where no method is asked for.
-//!
-//! Steps land exactly on the end of the run and on every kink of a prescribed path, where motions are not smooth and methods
-//! with a memory start anew.
+//! Steps land exactly on the end of the run and on every kink of a prescribed path, where methods with a memory start anew.
 
 mod control;
-mod hermite;
-mod samples;
 mod scales;
-mod stepper;
 
-use super::{Monitor, Outcome, Status, StepFailure};
+use super::{Monitor, Outcome, Statistics, Status, StepFailure, TimeStepper, is_end};
 use crate::error::Invalid;
 use crate::system::{State, System};
 use control::Control;
-pub(crate) use hermite::hermite;
-use samples::Samples;
+use nalgebra::Vector3;
 use scales::Scales;
 pub(super) use scales::{joint, norm_of_all};
 use std::ops::ControlFlow;
-pub use stepper::{AdaptiveStepper, ErrorEstimate};
 
-/// How a run with error control goes.
+/// Options of a run with error control.
 ///
 /// # Examples
 /// ```
@@ -89,9 +59,9 @@ pub use stepper::{AdaptiveStepper, ErrorEstimate};
 /// # builder.hold(0);
 /// let (system, mut state) = builder.build()?;
 /// let mut stepper = Rodas4::new(&system, &state, &ImplicitOptions::default())?;
-/// let how = AdaptiveOptions::new(1.0, 1e-6)?.sampled_every(0.25)?;
+/// let options = AdaptiveOptions::new(1.0, 1e-6)?.sampled_every(0.25)?;
 /// let mut times = Vec::new();
-/// let outcome = run_adaptive(&mut stepper, &system, &mut state, &how, |_, sample| {
+/// let outcome = run_adaptive(&mut stepper, &system, &mut state, &options, |_, sample| {
 ///     times.push(sample.time);
 ///     ControlFlow::Continue(())
 /// });
@@ -105,7 +75,8 @@ pub use stepper::{AdaptiveStepper, ErrorEstimate};
 pub struct AdaptiveOptions {
     /// Length of the run, in s; positive.
     pub duration: f64,
-    /// About the error of positions at the end, relative to their distance from their centroid (Euclidean norms).
+    /// About the error of positions at the end, relative to their distance from their centroid (Euclidean norms), where the
+    /// motion does not magnify small differences.
     pub rtol: f64,
     /// The first step to try, in s; `None` for one that the forces suggest.
     pub first_step: Option<f64>,
@@ -116,7 +87,7 @@ pub struct AdaptiveOptions {
 }
 
 impl AdaptiveOptions {
-    /// Of a run so long, in s, observed after every step; the first step is chosen by the forces.
+    /// A run of this length, in s, observed after every step; the forces suggest the first step.
     ///
     /// # Errors
     /// [`Invalid`] for a duration that is not positive and finite, or an `rtol` that does not lie between 0 and 1.
@@ -142,30 +113,120 @@ impl AdaptiveOptions {
     }
 }
 
-/// When a run with error control is observed.
+/// The times at which a run with error control is observed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum OutputTimes {
     /// After every accepted step.
     Steps,
-    /// At multiples of an interval, in s, whatever the steps, and at the end of the run. What is between the ends of a step
-    /// the method [interpolates](AdaptiveStepper::interpolate).
+    /// At multiples of an interval, in s, and at the end of the run; within steps by
+    /// [interpolation](AdaptiveStepper::interpolate).
     Every(f64),
+}
+
+/// An estimate of the local error of a step, full-length; zero where coordinates are prescribed.
+#[derive(Debug, Clone, Copy)]
+pub struct ErrorEstimate<'a> {
+    /// Errors of the positions, in m.
+    pub positions: &'a [Vector3<f64>],
+    /// Errors of the velocities, in m/s.
+    pub velocities: &'a [Vector3<f64>],
+}
+
+/// A method that estimates the local error of its steps.
+///
+/// A step is tried, and then accepted or rejected. [`TimeStepper::restart`] is called where the motion is not smooth; a method
+/// with a memory may take its next step by another formula then.
+pub trait AdaptiveStepper: TimeStepper {
+    /// Computes a step of dt seconds and estimates its error; the state is left as it is.
+    ///
+    /// # Errors
+    /// The reason why the step could not be done.
+    fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure>;
+
+    /// Another estimate of the error of the step tried last, of lower order. With one the error e of the first counts as
+    /// `e²/√(e² + 0.01 ẽ²)`, after Hairer.
+    fn coarser_estimate(&self) -> Option<ErrorEstimate<'_>> {
+        None
+    }
+
+    /// Makes the end of the step tried last the current state.
+    fn accept(&mut self, state: &mut State);
+
+    /// Forgets the step tried last.
+    fn reject(&mut self);
+
+    /// q, the method's order: the power of h with which the error at a fixed time falls.
+    fn order(&self) -> u32;
+
+    /// The p for which the estimate of the step tried last falls as h^(p + 1); a formula that starts a method may be of lower
+    /// order. Before the first step, that of the method.
+    fn estimate_order(&self) -> u32 {
+        self.order()
+    }
+
+    /// The factor of the estimates: formulas that damp fast vibrations as the method itself does fall short of its errors.
+    fn safety_factor(&self) -> f64 {
+        1.0
+    }
+
+    /// The share of the kinetic energy that the linearisation took from the motion in the step tried last, where springs turned;
+    /// the estimate does not see it.
+    fn rotational_damping(&self) -> f64 {
+        0.0
+    }
+
+    /// A step as long as the last one saves work, as a factorization.
+    fn reuses_factorization(&self) -> bool {
+        false
+    }
+
+    /// Stability bounds the steps, as those of explicit methods.
+    fn is_bounded_by_stability(&self) -> bool {
+        false
+    }
+
+    /// The largest factor from one step to the next.
+    fn largest_growth(&self) -> f64 {
+        5.0
+    }
+
+    /// Sets `sample` to the motion at a time within the step accepted last, which led from `before` to `after`; prescribed
+    /// coordinates need not be right. By default the cubic Hermite polynomial through both ends, right to O(h⁴).
+    fn interpolate(&mut self, before: &State, after: &State, time: f64, sample: &mut State) {
+        hermite(before, after, time, sample);
+    }
+
+    /// The statistics, to which the run adds.
+    fn statistics_mut(&mut self) -> &mut Statistics;
+}
+
+/// The cubic Hermite polynomial through the ends of a step, and its derivative.
+pub(crate) fn hermite(before: &State, after: &State, time: f64, sample: &mut State) {
+    let h = after.time - before.time;
+    let s = (time - before.time) / h;
+    for (p, x0) in before.positions.iter().enumerate() {
+        let chord = (after.positions[p] - x0) / h;
+        let (v0, v1) = (before.velocities[p], after.velocities[p]);
+        // x0 + h (s v0 + s² (3c − 2v0 − v1) + s³ (v0 + v1 − 2c)), c the chord's slope.
+        let (second, third) = (chord * 3.0 - v0 * 2.0 - v1, v0 + v1 - chord * 2.0);
+        sample.positions[p] = x0 + (v0 + (second + third * s) * s) * (s * h);
+        sample.velocities[p] = v0 + (second * 2.0 + third * (3.0 * s)) * s;
+    }
 }
 
 /// Shortest step, relative to the run: one of 10¹⁰ steps does not end.
 const SHORTEST: f64 = 1e-10;
 
-/// Advances `state` by `how.duration` with steps that keep the error estimate within tolerance. `observe` sees a running
-/// number and the state as often as `how.sampling` says, and may ask to stop.
+/// Advances `state` by `options.duration` with steps that keep the error estimate within tolerance. `observe` sees a running
+/// number and the state as often as `options.sampling` says, and may ask to stop.
 pub fn run_adaptive(
     stepper: &mut dyn AdaptiveStepper,
     system: &System,
     state: &mut State,
-    how: &AdaptiveOptions,
+    options: &AdaptiveOptions,
     mut observe: impl FnMut(u64, &State) -> ControlFlow<()>,
 ) -> Outcome {
-    let pacing = Pacing::by_error(stepper, system, state, how);
-    drive(stepper, system, state, pacing, None, |count, state, _| observe(count, state))
+    drive(stepper, system, state, options, None, |count, state, _| observe(count, state))
 }
 
 /// As [`run_adaptive`], with a monitor that enters every accepted step before `observe` sees samples of it, and ends the run
@@ -174,50 +235,34 @@ pub fn run_adaptive_monitored(
     stepper: &mut dyn AdaptiveStepper,
     system: &System,
     state: &mut State,
-    how: &AdaptiveOptions,
+    options: &AdaptiveOptions,
     monitor: &mut Monitor,
     mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
 ) -> Outcome {
-    let pacing = Pacing::by_error(stepper, system, state, how);
-    drive(stepper, system, state, pacing, Some(monitor), |count, state, monitor| {
+    drive(stepper, system, state, options, Some(monitor), |count, state, monitor| {
         monitor.map_or(ControlFlow::Continue(()), |monitor| observe(count, state, monitor))
     })
-}
-
-/// How long a run's steps are, and when it is observed.
-struct Pacing {
-    duration: f64,
-    sampling: OutputTimes,
-    control: Control,
-    scales: Scales,
-}
-
-impl Pacing {
-    fn by_error(stepper: &mut dyn AdaptiveStepper, system: &System, state: &State, how: &AdaptiveOptions) -> Self {
-        let orders = [stepper.order(), stepper.estimate_order()];
-        let (scales, forces) = Scales::at_start(system, state, how, orders);
-        stepper.statistics_mut().work.force_evaluations += forces;
-        let first = how.first_step.unwrap_or_else(|| {
-            let (step, forces) = scales.first_step(system, state, how, stepper.estimate_order());
-            stepper.statistics_mut().work.force_evaluations += forces;
-            step
-        });
-        let AdaptiveOptions { duration, sampling, .. } = *how;
-        Self { duration, sampling, control: Control::new(first, duration), scales }
-    }
 }
 
 fn drive(
     stepper: &mut dyn AdaptiveStepper,
     system: &System,
     state: &mut State,
-    pacing: Pacing,
+    options: &AdaptiveOptions,
     mut monitor: Option<&mut Monitor>,
     mut observe: impl FnMut(u64, &State, Option<&Monitor>) -> ControlFlow<()>,
 ) -> Outcome {
-    let Pacing { duration, sampling, mut control, mut scales } = pacing;
-    let end = state.time + duration;
-    let mut samples = Samples::new(sampling, state);
+    let (mut scales, mut forces) =
+        Scales::at_start(system, state, options, [stepper.order(), stepper.estimate_order()]);
+    let first = options.first_step.unwrap_or_else(|| {
+        let (step, evaluations) = scales.first_step(system, state, options, stepper.estimate_order());
+        forces += evaluations;
+        step
+    });
+    stepper.statistics_mut().work.force_evaluations += forces;
+    let mut control = Control::new(first, options.duration);
+    let end = state.time + options.duration;
+    let mut samples = Samples { sampling: options.sampling, start: state.time, count: 0, sample: state.clone() };
     let mut before = state.clone();
     let mut steps = 0;
     let stiffness = stiffness(system);
@@ -226,7 +271,7 @@ fn drive(
         let stop = system.prescribed().next_kink(state.time).map_or(end, |kink| kink.min(end));
         let (h, lands) = control.step_towards(stop - state.time);
         let failure = match try_step(stepper, system, &stiffness, &scales, state, h) {
-            Ok(Tried { error, doubt }) if error <= 1.0 => {
+            Ok((error, doubt)) if error <= 1.0 => {
                 before.copy_from(state);
                 if let Some(monitor) = &mut monitor {
                     monitor.begin_step(state);
@@ -239,13 +284,12 @@ fn drive(
                     state.time = stop;
                     state.prescribe(system);
                 }
-                let enter = |monitor: &mut &mut Monitor| {
+                if let Some(monitor) = &mut monitor {
                     monitor.doubt(doubt);
                     monitor.propagate(stepper, state, h);
-                    monitor.enter(steps, state, h)
-                };
-                if let Some(Err(failure)) = monitor.as_mut().map(enter) {
-                    return Outcome::failed(steps, before.time, failure, steps, state, monitor);
+                    if let Err(failure) = monitor.enter(steps, state, h) {
+                        return Outcome::failed(steps, before.time, failure, steps, state, Some(monitor));
+                    }
                 }
                 let is_last = state.time >= end;
                 let mut observe = |count, sample: &State| observe(count, sample, monitor.as_deref());
@@ -258,7 +302,7 @@ fn drive(
                 }
                 continue;
             }
-            Ok(Tried { error, .. }) => {
+            Ok((error, _)) => {
                 control.rejected(error, h, stepper);
                 StepFailure::Tolerance
             }
@@ -272,21 +316,14 @@ fn drive(
         };
         stepper.reject();
         stepper.statistics_mut().rejected_steps += 1;
-        if control.h < SHORTEST * duration {
+        if control.h < SHORTEST * options.duration {
             return Outcome::failed(steps + 1, state.time, failure, steps, state, monitor);
         }
     }
     Outcome { steps, end: Ok(ControlFlow::Continue(())) }
 }
 
-/// What is known of a step that has been tried.
-struct Tried {
-    /// e.
-    error: f64,
-    /// The energy that the error is worth, in J.
-    doubt: f64,
-}
-
+/// Tries a step of h seconds: e, and the energy that the error is worth, in J.
 fn try_step(
     stepper: &mut dyn AdaptiveStepper,
     system: &System,
@@ -294,17 +331,17 @@ fn try_step(
     scales: &Scales,
     state: &State,
     h: f64,
-) -> Result<Tried, StepFailure> {
+) -> Result<(f64, f64), StepFailure> {
     let estimate = stepper.try_step(state, h)?;
     let doubt = doubt(system, stiffness, &estimate, state);
     let fine = scales.error(&estimate, state);
     let coarse = stepper.coarser_estimate().map(|estimate| scales.error(&estimate, state));
-    let error = stepper.caution() * coarse.map_or(fine, |coarse| scales::joint(fine, coarse));
-    let error = error.hypot(scales.lag(stepper.braked(), h, state));
-    Ok(Tried { error, doubt })
+    let error = stepper.safety_factor() * coarse.map_or(fine, |coarse| joint(fine, coarse));
+    Ok((error.hypot(scales.lag(stepper.rotational_damping(), h, state)), doubt))
 }
 
-/// `Σ 2 m (‖v‖ + 5 ‖e_v‖) ‖e_v‖ + 10 κ ‖e_x‖²` over the particles, κ being the sum of k/l0 of the springs at each: see `monitor/growth`.
+/// `Σ 2 m (‖v‖ + 5 ‖e_v‖) ‖e_v‖ + 10 κ ‖e_x‖²` over the particles, κ the sum of k/l0 of the springs at each: see
+/// `monitor/growth`.
 fn doubt(system: &System, stiffness: &[f64], estimate: &ErrorEstimate, state: &State) -> f64 {
     let of_velocities = system.masses().iter().zip(estimate.velocities).zip(&state.velocities);
     let kinetic = of_velocities.map(|((mass, e), v)| 2.0 * mass * (v.norm() + 5.0 * e.norm()) * e.norm());
@@ -319,6 +356,49 @@ fn stiffness(system: &System) -> Vec<f64> {
         ends.into_iter().for_each(|p| sums[p] += spring.axial_stiffness());
     }
     sums
+}
+
+/// The samples that the observer of a run sees.
+struct Samples {
+    sampling: OutputTimes,
+    start: f64,
+    count: u64,
+    sample: State,
+}
+
+impl Samples {
+    /// After a step of `stepper` from `before` to `after`.
+    fn observe(
+        &mut self,
+        system: &System,
+        stepper: &mut dyn AdaptiveStepper,
+        before: &State,
+        after: &State,
+        is_last: bool,
+        observe: &mut impl FnMut(u64, &State) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        // An interval that is not positive has no multiples.
+        if let OutputTimes::Every(interval) = self.sampling
+            && interval > 0.0
+        {
+            loop {
+                let time = self.start + (self.count + 1) as f64 * interval;
+                if time >= after.time || is_last && is_end(time, [self.start, after.time]) {
+                    break;
+                }
+                self.count += 1;
+                stepper.interpolate(before, after, time, &mut self.sample);
+                self.sample.time = time;
+                self.sample.prescribe(system);
+                observe(self.count, &self.sample)?;
+            }
+            if !is_last {
+                return ControlFlow::Continue(());
+            }
+        }
+        self.count += 1;
+        observe(self.count, after)
+    }
 }
 
 #[cfg(test)]

@@ -1,55 +1,174 @@
-//! Backward Euler with the nonlinear equations solved to convergence.
+//! Backward Euler: linearised at the start of the step (linearly implicit or semi-implicit Euler, the method of the lecture notes in
+//! `spring`), and with the nonlinear equations solved to convergence.
 //!
-//! `M (v' − v)/dt = f_el(x') + f_d(x', v') + g` with `x' = x + δx`, `v' = δx/dt`, by Newton's method in δx.
+//! The equations `M (v' − v)/dt = f_el(x') + f_d(x', v') + g` with `x' = x + δx`, `v' = δx/dt` are solved by Newton's method in δx; or
+//! linearised at x with `f_el(x') ≈ f_el(x) + K δx` and `f_d(x', v') ≈ G v'`, they become
+//!
+//! ```text
+//! A δx = b,   A = M/dt² − G/dt − K,   b = M v/dt + g + f_el(x),   x' = x + δx,   v' = δx/dt.
+//! ```
+//!
+//! In this form no damping stands on the right. Prescribed particles move by the known δx_c; their rows and columns leave
+//! the system, and the free rows get `b_f −= A_fc δx_c`.
 
 use super::implicit::{ImplicitOptions, LinearSystem};
-use super::linear_backward_euler::advance;
+use super::linear_tolerance::mass_norm;
 use super::newton::{Newton, NewtonOptions};
-use super::propagated_error::LeadingTerm;
-use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper};
+use super::propagated_error::{LeadingTerm, on_axes};
+use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper, fits};
 use crate::error::Result;
+use crate::force::{SpringGeometry, add_elastic_force, add_undamped_external_forces, add_weight, set_total_force};
 use crate::linear::LinearSolver;
+use crate::operator::Combination;
 use crate::system::{State, System};
+use nalgebra::Vector3;
+
+/// Linearised (linearly implicit) backward Euler, first order.
+pub struct LinearBackwardEuler<'s> {
+    linear: LinearSystem<'s>,
+    force: Vec<Vector3<f64>>,
+    displacement: Vec<Vector3<f64>>,
+}
+
+impl<'s> LinearBackwardEuler<'s> {
+    /// Prepares pattern, ordering and symbolic analysis once for all steps.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large.
+    pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
+        LinearSystem::new(system, state, options).map(Self::of)
+    }
+
+    /// As [`new`](Self::new), with your own linear solver; of `options.linear` only the tolerance and the interrupt apply.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with_solver(
+        system: &'s System,
+        state: &State,
+        options: &ImplicitOptions,
+        solver: Box<dyn LinearSolver + 's>,
+    ) -> Result<Self> {
+        LinearSystem::with_solver(system, state, options, solver).map(Self::of)
+    }
+
+    fn of(linear: LinearSystem<'s>) -> Self {
+        let zeros = || vec![Vector3::zeros(); linear.system.particles()];
+        Self { force: zeros(), displacement: zeros(), linear }
+    }
+}
+
+impl TimeStepper for LinearBackwardEuler<'_> {
+    fn name(&self) -> &'static str {
+        "linear-backward-euler"
+    }
+
+    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
+        Some(self.linear.solver())
+    }
+
+    fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        StepFailure::of_arguments(self.linear.system, state, dt)?;
+        let Self { linear, force, displacement } = self;
+        let system = linear.system;
+        let time = state.time + dt;
+        linear.set_extensions(&*state)?;
+        linear.statistics.work.force_evaluations += 1;
+        set_right_hand_side(system, &linear.extensions, state, dt, force);
+        system.prescribed().displacement(time, &state.positions, displacement);
+        linear.prepare(linear.policy, Combination::step(dt))?;
+        // The first omitted term of x' = x + dt v' is ½ dt² a, with dt a = v' − v.
+        let error = |d: &[Vector3<f64>]| 0.5 * mass_norm(system, |p| d[p] - state.velocities[p] * dt);
+        let solution = linear.solve_within(force, displacement, error)?;
+        linear.statistics.record_residual(solution.relative_residual);
+        advance(system, state, displacement, dt)
+    }
+
+    fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
+        let Self { linear, force, displacement } = self;
+        let system = linear.system;
+        if !fits(system, error, step) {
+            return false;
+        }
+        error.set_local(system, step, LeadingTerm::BACKWARD_EULER);
+        // What linearising left out is the residual of the step's nonlinear equations.
+        linear.statistics.work.force_evaluations += 1;
+        if set_total_force(system, &step.after.moment(), force).is_err() {
+            return true;
+        }
+        let [mut left_out, mut balanced] = [0.0, 0.0];
+        for (p, (r, mass)) in force.iter_mut().zip(system.masses()).enumerate() {
+            let free = system.dofs().free_axes(p);
+            let inertia = (step.after.velocities[p] - step.before.velocities[p]) * (mass / step.length);
+            *r = on_axes(*r - inertia, free);
+            if p < system.own_particles() {
+                left_out += r.norm_squared();
+                balanced += on_axes(inertia, free).norm_squared();
+            }
+        }
+        let [left_out, balanced] = system.total([left_out, balanced]).map(f64::sqrt);
+        error.leave_out(left_out, balanced);
+        let e = [&mut error.positions[..], &mut error.velocities[..]];
+        linear.resolve(step.length, e, force, displacement);
+        error.add_local();
+        true
+    }
+
+    fn statistics(&self) -> &Statistics {
+        &self.linear.statistics
+    }
+}
+
+/// `b = M v/dt + g + f_el(x) + f_ext − D v`, full-length and without the coupling to prescribed particles.
+pub(super) fn set_right_hand_side(
+    system: &System,
+    extensions: &SpringGeometry,
+    state: &State,
+    dt: f64,
+    b: &mut [Vector3<f64>],
+) {
+    for ((b, mass), v) in b.iter_mut().zip(system.masses()).zip(&state.velocities) {
+        *b = v * (mass / dt);
+    }
+    add_weight(system, b);
+    add_undamped_external_forces(system, extensions, &state.moment(), b);
+    add_elastic_force(system, extensions, b);
+}
+
+/// `x += δx`, `v = δx/dt`, `t += dt`; prescribed coordinates exactly where their motion has them.
+///
+/// # Errors
+/// A new state that is not finite; the state is then unchanged.
+fn advance(system: &System, state: &mut State, displacement: &[Vector3<f64>], dt: f64) -> Result<(), StepFailure> {
+    let is_finite = |v: Vector3<f64>| State::is_finite_vector(&v);
+    let mut moved = state.positions.iter().zip(displacement);
+    let are_finite = (state.time + dt).is_finite() && moved.all(|(x, d)| is_finite(x + d) && is_finite(d / dt));
+    StepFailure::unless_finite(system, are_finite)?;
+    state.time += dt;
+    for ((x, v), d) in state.positions.iter_mut().zip(&mut state.velocities).zip(displacement) {
+        *x += d;
+        *v = d / dt;
+    }
+    system.prescribed().set_positions(state.time, &mut state.positions);
+    Ok(())
+}
 
 /// Backward Euler, first order, nonlinear.
-///
-/// # Examples
-/// ```
-/// use sprung::integrate::{BackwardEuler, ImplicitOptions, NewtonOptions, TimeStepper};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// let mut stepper = BackwardEuler::new(&system, &state, &ImplicitOptions::default(), NewtonOptions::default())?;
-/// for _ in 0..100 {
-///     stepper.step(&mut state, 0.001)?;
-/// }
-/// // A particle of 1 kg on 10 N/m, 1 m from rest, at t = 0.1 s.
-/// let exact = 2.0 - (10.0_f64.sqrt() * 0.1).cos();
-/// assert!((state.positions[1].x - exact).abs() < 1e-3);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub struct BackwardEuler<'s>(Newton<'s>);
 
 impl<'s> BackwardEuler<'s> {
-    /// Prepares everything that stays the same from step to step.
+    /// Prepares pattern, ordering and symbolic analysis once for all steps.
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; a matrix that is too large; options that make no sense.
+    /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large; invalid options.
     pub fn new(system: &'s System, state: &State, options: &ImplicitOptions, newton: NewtonOptions) -> Result<Self> {
-        newton.check()?;
-        Newton::new(system, state, options, newton).map(Self)
+        Newton::new(LinearSystem::new(system, state, options)?, state, newton).map(Self)
     }
 
-    /// As [`new`](Self::new), with a linear solver of your own, which need not be one of this crate's; `options.linear` then only
-    /// says how exactly it is to solve, and what interrupts.
+    /// As [`new`](Self::new), with your own linear solver; of `options.linear` only the tolerance and the interrupt apply.
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; a system too large for the memory.
+    /// As [`new`](Self::new).
     pub fn with_solver(
         system: &'s System,
         state: &State,
@@ -57,9 +176,7 @@ impl<'s> BackwardEuler<'s> {
         newton: NewtonOptions,
         solver: Box<dyn LinearSolver + 's>,
     ) -> Result<Self> {
-        newton.check()?;
-        let linear = LinearSystem::with_solver(system, state, options, solver)?;
-        Ok(Self(Newton::of(linear, state, newton)))
+        Newton::new(LinearSystem::with_solver(system, state, options, solver)?, state, newton).map(Self)
     }
 }
 
@@ -73,15 +190,19 @@ impl TimeStepper for BackwardEuler<'_> {
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
-        StepFailure::of_arguments(self.0.linear.system, state, dt)?;
         let system = self.0.linear.system;
+        StepFailure::of_arguments(system, state, dt)?;
         system.prescribed().displacement(state.time + dt, &state.positions, &mut self.0.displacement);
         self.0.solve(state, dt)?;
         advance(system, state, &self.0.displacement, dt)
     }
 
     fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
-        error.set_local(self.0.linear.system, step, LeadingTerm::BACKWARD_EULER);
+        let system = self.0.linear.system;
+        if !fits(system, error, step) {
+            return false;
+        }
+        error.set_local(system, step, LeadingTerm::BACKWARD_EULER);
         self.0.resolve(step.length, error);
         error.add_local();
         true
@@ -89,5 +210,32 @@ impl TimeStepper for BackwardEuler<'_> {
 
     fn statistics(&self) -> &Statistics {
         &self.0.linear.statistics
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::advance;
+    use crate::integrate::StepFailure;
+    use crate::system::{State, SystemBuilder};
+    use nalgebra::Vector3;
+
+    /// Positions, velocities or times that would overflow are refused, and the state is unchanged.
+    #[test]
+    fn states_stay_finite() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.9e150, -0.9e150, 0.0], 1.0);
+        let (system, start) = builder.build().unwrap();
+        let step = |time: f64, displacement: [f64; 3], dt: f64| {
+            let start = State { time, ..start.clone() };
+            let mut state = start.clone();
+            let outcome = advance(&system, &mut state, &[Vector3::from(displacement)], dt);
+            assert_eq!(outcome.is_err(), state == start);
+            outcome
+        };
+        let refused = Err(StepFailure::NonFinite);
+        assert_eq!([step(0.0, [0.5e150, 0.0, 0.0], 1.0), step(0.0, [-0.5e150, 0.0, 0.0], 1.0)], [refused, Ok(())]);
+        assert_eq!([step(0.0, [0.0, 0.0, 0.5e150], 0.1), step(0.0, [0.0, 0.0, 0.5e150], 10.0)], [refused, Ok(())]);
+        assert_eq!([step(f64::MAX, [0.0; 3], f64::MAX), step(1e200, [0.0; 3], 1e200)], [refused, Ok(())]);
     }
 }

@@ -10,46 +10,43 @@
 //!
 //! a backward Euler step over τ from the point (x̃, ṽ). Equal steps have β = 1/3 and τ = 2h/3. Second order, L-stable with equal steps,
 //! and stable for any sequence of steps with ratios below 1 + √2. Where there is no past, ω = 0 makes it the backward Euler step over
-//! h: the first step is one, and so is every step whose past says nothing about its future, see [`History`]. An error of second
-//! order made once costs no order. (Choi and Ko, 2002, use the formula for cloth.)
+//! h: so is the first step, and every step whose past says nothing about its future, see [`history`]. One error of second
+//! order costs no order. (Choi and Ko, 2002, use the formula for cloth.)
 //!
-//! **One iteration.** The equations are solved by a quasi-Newton iteration that starts not at x but at the predicted state
+//! **One iteration.** The equations are solved by a quasi-Newton iteration from the predicted state
 //!
 //! ```text
 //! y = x + h v + ½ h ω (v − v₋),      w = (y − x̃)/τ
 //! ```
 //!
-//! (prescribed particles where they will be), with the exact residual there:
+//! (prescribed particles at their new place), with the exact residual there:
 //!
 //! ```text
 //! A(τ; y) d = −[M (w − ṽ)/τ − f_el(y) − f_d(y, w) − g],     x' = y + d,     v' = (x' − x̃)/τ.
 //! ```
 //!
-//! As y is off by O(h³) only, one iteration with any matrix that contracts is the formula up to O(h⁴) or better: the matrix decides
-//! how fast the iteration converges and not where to, so every stiffness option keeps the order. The on-demand policy takes the one
-//! of [`tension`]. A spring that turns is not
-//! braked by the stretch that its turning by v h would bring, as it is when forces are linearised at x.
+//! As y is off by O(h³) only, one iteration with any matrix that contracts is the formula up to O(h⁴) or better, so every stiffness option
+//! keeps the order. The on-demand policy takes the one of [`iteration`], where the residual at x' decides whether one iteration is
+//! enough. A spring that turns is not slowed by the stretch that turning by v h would bring, as it is when forces are linearised at x.
 //!
-//! **When one iteration is not enough** is seen by the residual at x', see [`iteration`].
-//!
-//! **Error estimate** ([`ErrorEstimate`](super::ErrorEstimate)), of differences of velocities alone, see [`estimate`]. No step takes
-//! over the matrix of the last one: its directions are stale, and what an error along a stiff spring puts across it then is many times the
-//! step's own error, however well the iteration contracts. (A stiff rod that swings down with a tolerance of 1e-2 ended 57 % off.)
+//! **Error estimate.** From differences of velocities alone, see [`history`]. No step reuses the matrix of the last one: its directions are
+//! outdated, and an error along a stiff spring then has a part across it of many times the step's own error.
 
-mod estimate;
 mod history;
 mod iteration;
-mod tension;
 
-use self::estimate::Estimate;
-use self::history::History;
-use self::iteration::Iteration;
 use super::implicit::{ImplicitOptions, LinearSystem};
+use super::newton::{Newton, NewtonOptions};
 use super::propagated_error::LeadingTerm;
-use super::{AdaptiveStepper, CompletedStep, ErrorEstimate, PropagatedError, Statistics, StepFailure, TimeStepper};
+use super::{
+    AdaptiveStepper, CompletedStep, ErrorEstimate, PropagatedError, Statistics, StepFailure, TimeStepper, fits,
+};
 use crate::error::Result;
+use crate::force::set_accelerations;
 use crate::linear::LinearSolver;
 use crate::system::{State, System};
+use history::{Estimate, History};
+use iteration::Tensions;
 
 /// The second-order backward differentiation formula with variable steps, linearised where the step ends.
 ///
@@ -75,7 +72,8 @@ use crate::system::{State, System};
 /// ```
 #[doc(alias = "BDF2")]
 pub struct Bdf2<'s> {
-    iteration: Iteration<'s>,
+    newton: Newton<'s>,
+    tensions: Tensions,
     history: History,
     estimate: Estimate,
     /// (x̃, ṽ) at the time of the step's start.
@@ -87,50 +85,52 @@ pub struct Bdf2<'s> {
 }
 
 impl<'s> Bdf2<'s> {
-    /// Prepares everything that stays the same from step to step: pattern, slot map, ordering, symbolic analysis.
+    /// Prepares pattern, ordering and symbolic analysis once for all steps.
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; a matrix that is too large.
+    /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large.
     pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
-        Ok(Self::of(system, state, LinearSystem::new(system, state, options)?))
+        Self::of(system, state, LinearSystem::new(system, state, options)?)
     }
 
-    /// As [`new`](Self::new), with a linear solver of your own, which need not be one of this crate's; `options.linear` then only
-    /// says how exactly it is to solve, and what interrupts.
+    /// As [`new`](Self::new), with your own linear solver; of `options.linear` only the tolerance and the interrupt apply.
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; a system too large for the memory.
+    /// As [`new`](Self::new).
     pub fn with_solver(
         system: &'s System,
         state: &State,
         options: &ImplicitOptions,
         solver: Box<dyn LinearSolver + 's>,
     ) -> Result<Self> {
-        Ok(Self::of(system, state, LinearSystem::with_solver(system, state, options, solver)?))
+        Self::of(system, state, LinearSystem::with_solver(system, state, options, solver)?)
     }
 
-    fn of(system: &'s System, state: &State, linear: LinearSystem<'s>) -> Self {
-        Self {
-            iteration: Iteration::new(linear, state),
+    fn of(system: &'s System, state: &State, mut linear: LinearSystem<'s>) -> Result<Self> {
+        // A correction is of the size of a step's error; without a preconditioner errors may be a hundred times the residuals.
+        linear.adaptive_tolerance.set_floor(1e-7);
+        Ok(Self {
+            newton: Newton::new(linear, state, NewtonOptions::default())?,
+            tensions: Tensions::new(system),
             history: History::new(system, state),
             estimate: Estimate::new(system),
             base: state.clone(),
             next: state.clone(),
             step: 0.0,
             ratio: 1.0,
-        }
+        })
     }
 
     /// Computes `next`, h seconds after a state, with the given ratio to the last step.
     fn advance(&mut self, state: &State, h: f64, ratio: f64) -> Result<(), StepFailure> {
-        let Self { iteration, history, base, next, .. } = self;
-        let system = iteration.system();
+        let Self { newton, tensions, history, base, next, .. } = self;
+        let system = newton.linear.system;
         let tau = duration(h, ratio);
         let beta = ratio * ratio / (1.0 + 2.0 * ratio);
-        let before = history.before();
+        let before = &history.before;
         for p in 0..system.particles() {
             let (x, v) = (state.positions[p], state.velocities[p]);
-            // Without a past there may be none to multiply with zero.
+            // Without a past there may be no finite number to multiply with zero.
             let (dx, dv) =
                 if ratio > 0.0 { (x - before.positions[p], v - before.velocities[p]) } else { Default::default() };
             base.positions[p] = x + dx * beta;
@@ -142,12 +142,12 @@ impl<'s> Bdf2<'s> {
         base.time = next.time - tau;
         system.prescribed().set_positions(next.time, &mut next.positions);
         if ratio == 0.0 {
-            iteration.forget(state);
+            tensions.set(system, state);
         }
-        iteration.solve(state, base, next, tau)?;
+        iteration::solve(newton, tensions, state, base, next, tau)?;
         next.prescribe(system);
         (self.step, self.ratio) = (h, ratio);
-        StepFailure::of_any(system, if next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) })
+        StepFailure::unless_finite(system, next.is_finite())
     }
 
     /// Makes the computed state the current one.
@@ -157,13 +157,6 @@ impl<'s> Bdf2<'s> {
         state.copy_from(&self.next);
     }
 }
-
-/// How much longer a step with error control may be than the last: safely below 1 + √2.
-const GROWTH: f64 = 2.0;
-
-/// Errors of the formula all have one sign as motions swing, and add up where those of other methods cancel; what it damps, estimates do
-/// not see. Measured on random scenes that magnify errors up to a hundredfold, of which none may end twenty tolerances off.
-const SAFETY_FACTOR: f64 = 36.0;
 
 /// τ of a step of h seconds.
 fn duration(h: f64, ratio: f64) -> f64 {
@@ -176,26 +169,30 @@ impl TimeStepper for Bdf2<'_> {
     }
 
     fn linear_solver(&self) -> Option<&dyn LinearSolver> {
-        Some(self.iteration.solver())
+        Some(self.newton.linear.solver())
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
-        StepFailure::of_arguments(self.iteration.system(), state, dt)?;
-        let ratio = self.history.ratio(self.iteration.system(), state, dt);
-        self.estimate.forget();
+        let system = self.newton.linear.system;
+        StepFailure::of_arguments(system, state, dt)?;
+        let ratio = self.history.ratio(system, state, dt);
+        self.estimate.clear();
         self.advance(state, dt, ratio)?;
         self.commit(state);
         Ok(())
     }
 
     fn restart(&mut self) {
-        self.history.forget();
-        self.estimate.forget();
+        self.history.clear();
+        self.estimate.clear();
     }
 
     fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
+        let (ratio, system) = (self.ratio, self.newton.linear.system);
+        if !fits(system, error, step) {
+            return false;
+        }
         // e' = w (e + β (e − e₋) + δ), as the formula itself.
-        let (ratio, system) = (self.ratio, self.iteration.system());
         let term = if ratio > 0.0 {
             LeadingTerm::second_order((1.0 + ratio) / (1.0 + 2.0 * ratio) * (1.0 + 1.0 / ratio) / 6.0)
         } else {
@@ -204,32 +201,36 @@ impl TimeStepper for Bdf2<'_> {
         error.set_local(system, step, term);
         error.extrapolate(ratio * ratio / (1.0 + 2.0 * ratio));
         error.add_local();
-        self.iteration.resolve(duration(step.length, ratio), error);
+        self.newton.resolve(duration(step.length, ratio), error);
         true
     }
 
     fn statistics(&self) -> &Statistics {
-        self.iteration.statistics()
+        &self.newton.linear.statistics
     }
 }
 
 impl AdaptiveStepper for Bdf2<'_> {
     fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
-        StepFailure::of_arguments(self.iteration.system(), state, dt)?;
-        let mut ratio = self.history.ratio(self.iteration.system(), state, dt);
-        // Without an estimate before it the past says nothing about errors: the step starts anew.
-        if ratio == 0.0 || !self.estimate.is_known() {
-            ratio = 0.0;
-            self.iteration.accelerations(state, self.estimate.begin())?;
-        } else {
-            self.estimate.go_on();
+        let linear = &mut self.newton.linear;
+        let system = linear.system;
+        StepFailure::of_arguments(system, state, dt)?;
+        // Without an estimate of the last step the past says nothing about errors: the step starts anew.
+        let ratio = if self.estimate.is_known() { self.history.ratio(system, state, dt) } else { 0.0 };
+        self.estimate.is_first = ratio == 0.0;
+        if self.estimate.is_first {
+            linear.statistics.work.force_evaluations += 1;
+            linear.set_extensions(state)?;
+            set_accelerations(system, &linear.extensions, &state.moment(), &mut self.estimate.accelerations);
         }
         self.advance(state, dt, ratio)?;
-        Ok(self.estimate.of_step(&self.history, state, &self.next, dt, ratio))
+        Ok(self.estimate.of_step(system, &self.history, [state, &self.next], dt, ratio))
     }
 
     fn accept(&mut self, state: &mut State) {
-        self.commit(state);
+        if state.check(self.newton.linear.system).is_ok() {
+            self.commit(state);
+        }
     }
 
     fn reject(&mut self) {}
@@ -242,15 +243,18 @@ impl AdaptiveStepper for Bdf2<'_> {
         if self.ratio > 0.0 { 2 } else { 1 }
     }
 
-    fn caution(&self) -> f64 {
-        SAFETY_FACTOR
+    /// Errors of the formula have the same sign throughout a vibration, and add up where those of other methods cancel; estimates do not see
+    /// what it damps. Fitted to random scenes that magnify errors up to a hundredfold, so that none ends twenty tolerances off.
+    fn safety_factor(&self) -> f64 {
+        36.0
     }
 
+    /// Safely below 1 + √2.
     fn largest_growth(&self) -> f64 {
-        GROWTH
+        2.0
     }
 
     fn statistics_mut(&mut self) -> &mut Statistics {
-        self.iteration.statistics_mut()
+        &mut self.newton.linear.statistics
     }
 }

@@ -11,19 +11,16 @@
 //! so that only accelerations are stored and every stage reads them once. (A and A² have the same zeros: the method's
 //! simplifying conditions `Σ A_ij A_jk = 0`.) Row 12 of A is the formula itself: `x' = X_12`, `v' = V_12`.
 //!
-//! **Error estimate.** Two embedded differences E5 and E3, of fifth and third order, both of the same stages; the run takes
-//! `‖e5‖²/√(‖e5‖² + 0.01 ‖e3‖²)`, which falls as h⁸, for the error, see [`AdaptiveStepper::coarser_estimate`].
-//!
-//! **How wrong a step is.** That estimate is one of a formula of seventh order; the method's own error is a ninth power. On a vibration of
-//! frequency ω, z = ωh, the formulas give
+//! **Error estimate.** With two embedded differences E5 and E3 of the same stages, of fifth and third order, the error is taken as
+//! `‖e5‖²/√(‖e5‖² + 0.01 ‖e3‖²)`, which falls as h⁸, see [`AdaptiveStepper::coarser_estimate`]. The method's own error falls as h⁹. On a
+//! vibration of frequency ω, z = ωh, the formulas give
 //!
 //! ```text
 //! ‖e5‖/‖e3‖ = 0.0033 z²,      |R(iz) − e^{iz}| = 0.148 z · ‖e5‖²/√(‖e5‖² + 0.01 ‖e3‖²)
 //! ```
 //!
-//! within 10 % up to z = 2, where the second factor goes over to a constant 0.4. So the two estimates also say at which pace what is
-//! wrong vibrates, and the local error of a step is `0.148 min(z, 3)` times their joint one, right within a third as far as the method is
-//! stable. That is what steps of any length report of themselves.
+//! within 10 % up to z = 2, where the second factor goes over to a constant 0.4. So the estimates also give z, and the local error of a
+//! step is `0.148 min(z, 3)` times their joint one, right within a third as far as the method is stable.
 //!
 //! **Between the ends of a step** the motion is a polynomial of degree seven, `v + h Σ w_j(s) a_j` at the share s of the step and
 //! x as above, right to O(h⁸). It takes three more evaluations, made when one is asked for.
@@ -35,109 +32,79 @@
 //! Equations I, II.5, II.10, and their code dop853.f.
 
 mod coefficients;
-mod tables;
 
 use super::adaptive::{hermite, joint, norm_of_all};
-use super::explicit::ensure_room;
-use super::substeps::Substep;
-use super::{AdaptiveStepper, CompletedStep, ErrorEstimate, PropagatedError, Statistics, StepFailure, TimeStepper};
+use super::explicit::check_explicit;
+use super::substeps::substeps;
+use super::{
+    AdaptiveStepper, CompletedStep, ErrorEstimate, PropagatedError, Statistics, StepFailure, TimeStepper, fits,
+    zero_prescribed,
+};
 use crate::error::Result;
-use crate::force::{SpringGeometry, set_total_force};
+use crate::force::set_total_force;
 use crate::system::{State, System};
-use coefficients::{A, C, E3, E5, Row, STAGES};
+use coefficients::{A, C, E3, E5, Row, SQUARE, STAGES, chain, sum, weights};
 use nalgebra::Vector3;
-use tables::{SQUARE, chain, sum, weights};
-
-/// Bytes for a particle, at most.
-const PARTICLE: u64 = 700;
 
 /// Eighth order, twelve force evaluations a step; explicit.
-///
-/// # Examples
-/// ```
-/// use sprung::integrate::{Dop853, TimeStepper};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// let mut stepper = Dop853::new(&system, &state)?;
-/// for _ in 0..100 {
-///     stepper.step(&mut state, 0.001)?;
-/// }
-/// // A particle of 1 kg on 10 N/m, 1 m from rest, at t = 0.1 s.
-/// let exact = 2.0 - (10.0_f64.sqrt() * 0.1).cos();
-/// assert!((state.positions[1].x - exact).abs() < 1e-3);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[doc(alias = "Runge-Kutta")]
 pub struct Dop853<'s> {
     system: &'s System,
-    stages: Stages,
-    /// Where the step begins, where a stage is, and where the step ends.
+    /// The accelerations of the stages, zero where coordinates are prescribed.
+    stages: [Vec<Vector3<f64>>; STAGES],
+    /// The start of the step, the current stage, and the end of the step.
     base: State,
     stage: State,
     next: State,
-    /// The length of the step tried last, and a time at which prescribed velocities are those of the step.
+    /// The length of the last step tried, and a time at which prescribed velocities are those of the step.
     h: f64,
     middle: f64,
-    /// Whether the first stage's acceleration is that at the state to come.
+    /// True if the first stage's acceleration is that at the start of the next step.
     knows_first: bool,
-    /// Whether the stages of the interpolant of the step accepted last are known.
+    /// True if the stages of the interpolant of the last accepted step are known.
     knows_last: bool,
-    /// Of positions and velocities, by E5 and by E3.
+    /// The estimates by E5 and by E3, of positions and velocities.
     estimates: [[Vec<Vector3<f64>>; 2]; 2],
-    /// Of positions, in the step done last.
+    /// The error of positions in the last step, in m.
     local_error: f64,
     /// The same method from displaced states, once an error is propagated.
     twin: Option<Box<Self>>,
     statistics: Statistics,
 }
 
-/// The accelerations of the stages, zero where coordinates are prescribed.
-struct Stages(Vec<Vec<Vector3<f64>>>);
-
 /// The stage that is the end of the step, and the formula's row.
 const END: usize = 12;
 
-/// The quotient of the estimates over z², the method's error over z times their joint one, and the z at which that ends. See the header.
-const PACE: f64 = 0.0033;
-const TRUE_SHARE: f64 = 0.148;
-const FASTEST: f64 = 3.0;
-
-/// Particles whose sums over the stages are formed at a stretch: few enough for the fastest cache.
-const BLOCK: usize = 64;
-
-impl Stages {
-    /// Adds `Σ along_j a_j` to x and `Σ across_j a_j` to v, over the stages with a coefficient.
-    fn add(&self, along: &Row, across: &Row, x: &mut [Vector3<f64>], v: &mut [Vector3<f64>]) {
-        let blocks = x.chunks_mut(BLOCK).zip(v.chunks_mut(BLOCK)).enumerate();
-        for (block, (x, v)) in blocks {
-            for ((stage, &p), &q) in self.0.iter().zip(along).zip(across) {
-                if p == 0.0 && q == 0.0 {
-                    continue;
-                }
-                let own = stage.get(block * BLOCK..).unwrap_or_default();
-                for ((x, v), a) in x.iter_mut().zip(&mut *v).zip(own) {
-                    *x += a * p;
-                    *v += a * q;
-                }
+/// Adds `Σ along_j a_j` to x and `Σ across_j a_j` to v, over the stages with a coefficient, block by block so that sums stay in the fastest
+/// cache.
+fn add_stages(
+    stages: &[Vec<Vector3<f64>>; STAGES],
+    [along, across]: [&Row; 2],
+    x: &mut [Vector3<f64>],
+    v: &mut [Vector3<f64>],
+) {
+    const BLOCK: usize = 64;
+    for (block, (x, v)) in x.chunks_mut(BLOCK).zip(v.chunks_mut(BLOCK)).enumerate() {
+        for ((stage, &p), &q) in stages.iter().zip(along).zip(across) {
+            if p == 0.0 && q == 0.0 {
+                continue;
+            }
+            let own = stage.get(block * BLOCK..).unwrap_or_default();
+            for ((x, v), a) in x.iter_mut().zip(&mut *v).zip(own) {
+                *x += a * p;
+                *v += a * q;
             }
         }
     }
 }
 
 impl<'s> Dop853<'s> {
-    /// For a system.
+    /// A stepper for a system.
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; too little memory.
+    /// Coincident ends of a spring in `state`; a state of another system; too little memory.
     pub fn new(system: &'s System, state: &State) -> Result<Self> {
-        ensure_room(system, state, PARTICLE)?;
-        SpringGeometry::at(system, state)?;
+        check_explicit(system, state, 700)?;
         Ok(Self::unchecked(system, state))
     }
 
@@ -145,7 +112,7 @@ impl<'s> Dop853<'s> {
         let zeros = || vec![Vector3::zeros(); system.particles()];
         Self {
             system,
-            stages: Stages((0..STAGES).map(|_| zeros()).collect()),
+            stages: std::array::from_fn(|_| zeros()),
             base: state.clone(),
             stage: state.clone(),
             next: state.clone(),
@@ -163,35 +130,28 @@ impl<'s> Dop853<'s> {
     /// Computes the acceleration of a stage at `self.stage`.
     fn set_acceleration(&mut self, stage: usize) -> Result<(), StepFailure> {
         let Self { system, stages, stage: at, statistics, .. } = self;
-        let Some(a) = stages.0.get_mut(stage) else { return Ok(()) };
+        let a = &mut stages[stage];
         statistics.work.force_evaluations += 1;
         set_total_force(system, &at.moment(), a)?;
         for (a, mass) in a.iter_mut().zip(system.masses()) {
             *a /= *mass;
         }
-        for (dof, ..) in system.prescribed().iter() {
-            if let Some(a) = a.get_mut(dof.particle) {
-                a[dof.axis] = 0.0;
-            }
-        }
+        zero_prescribed(system, a);
         Ok(())
     }
 
-    /// Sets `to` to the point of a stage, `V_i` and `X_i`.
-    fn set_point(&mut self, stage: usize, to: Point) {
-        let (h, c) = (self.h, C[stage]);
-        let to = match to {
-            Point::Stage => &mut self.stage,
-            Point::End => &mut self.next,
-        };
-        let from = self.base.positions.iter().zip(&self.base.velocities);
+    /// Sets `self.stage` to the point of a stage, `V_i` and `X_i`.
+    fn set_point(&mut self, stage: usize) {
+        let Self { stages, base, stage: to, h, .. } = self;
+        let (h, c) = (*h, C[stage]);
+        let from = base.positions.iter().zip(&base.velocities);
         for ((x, v), (x0, v0)) in to.positions.iter_mut().zip(&mut to.velocities).zip(from) {
             *x = x0 + v0 * (c * h);
             *v = *v0;
         }
         let (along, across) = (SQUARE[stage].map(|a| a * h * h), A[stage].map(|a| a * h));
-        self.stages.add(&along, &across, &mut to.positions, &mut to.velocities);
-        to.time = self.base.time + c * h;
+        add_stages(stages, [&along, &across], &mut to.positions, &mut to.velocities);
+        to.time = base.time + c * h;
     }
 
     /// Computes `next`, h seconds after `base`. No kink may be in between.
@@ -206,11 +166,12 @@ impl<'s> Dop853<'s> {
             self.knows_first = true;
         }
         for stage in 1..END {
-            self.set_point(stage, Point::Stage);
+            self.set_point(stage);
             self.set_acceleration(stage)?;
         }
-        self.set_point(END, Point::End);
-        if self.next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) }
+        self.set_point(END);
+        std::mem::swap(&mut self.stage, &mut self.next);
+        StepFailure::unless_finite(self.system, self.next.is_finite())
     }
 
     /// `h Σ E_j V_j` and `h Σ E_j a_j` for both embedded differences.
@@ -222,29 +183,26 @@ impl<'s> Dop853<'s> {
                 *x = v0 * share;
             }
             v.fill(Vector3::zeros());
-            stages.add(&chain(row, &A).map(|e| e * *h * *h), &row.map(|e| e * *h), x, v);
-            for (dof, ..) in system.prescribed().iter() {
-                for e in [&mut *x, &mut *v].into_iter().filter_map(|list| list.get_mut(dof.particle)) {
-                    e[dof.axis] = 0.0;
-                }
-            }
+            add_stages(stages, [&chain(row, &A).map(|e| e * *h * *h), &row.map(|e| e * *h)], x, v);
+            zero_prescribed(system, x);
+            zero_prescribed(system, v);
         }
     }
 
-    /// About the error of positions of the step just computed, in m, from its estimates.
-    fn true_error(&self) -> f64 {
-        // Of positions and velocities together: each alone goes through zero as it swings.
+    /// An estimate of the error of positions in the step just computed, in m, see the module.
+    fn position_error(&self) -> f64 {
+        // Of positions and velocities together: each alone goes through zero in a vibration.
         let both =
             |[x, v]: &[Vec<Vector3<f64>>; 2]| norm_of_all(self.system, x).hypot(self.h * norm_of_all(self.system, v));
         let [fine, coarse] = [both(&self.estimates[0]), both(&self.estimates[1])];
         if fine == 0.0 {
             return 0.0;
         }
-        let pace = (fine / (PACE * coarse)).sqrt();
-        TRUE_SHARE * pace.min(FASTEST) * joint(fine, coarse) / fine * norm_of_all(self.system, &self.estimates[0][0])
+        let z = (fine / (0.0033 * coarse)).sqrt();
+        0.148 * z.min(3.0) * joint(fine, coarse) / fine * norm_of_all(self.system, &self.estimates[0][0])
     }
 
-    /// Computes the accelerations that only the interpolant of the step accepted last, to `after`, needs.
+    /// Computes the accelerations that only the interpolant of the last accepted step, to `after`, needs.
     fn set_last(&mut self, after: &State) -> Result<(), StepFailure> {
         if self.knows_last {
             return Ok(());
@@ -253,19 +211,12 @@ impl<'s> Dop853<'s> {
         self.system.prescribed().set_velocities(self.middle, &mut self.stage.velocities);
         self.set_acceleration(END)?;
         for stage in END + 1..STAGES {
-            self.set_point(stage, Point::Stage);
+            self.set_point(stage);
             self.set_acceleration(stage)?;
         }
         self.knows_last = true;
         Ok(())
     }
-}
-
-/// Where the point of a stage is written.
-#[derive(Clone, Copy)]
-enum Point {
-    Stage,
-    End,
 }
 
 impl TimeStepper for Dop853<'_> {
@@ -275,18 +226,17 @@ impl TimeStepper for Dop853<'_> {
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         StepFailure::of_arguments(self.system, state, dt)?;
-        let (mut time, end) = (state.time, state.time + dt);
         self.next.copy_from(state);
         let mut local_error = 0.0;
-        while let Some(piece) = Substep::next(self.system.prescribed(), time, end, dt) {
+        let system = self.system;
+        for substep in substeps(system.prescribed(), state.time, dt) {
             std::mem::swap(&mut self.base, &mut self.next);
             self.knows_first = false;
-            self.advance(piece.length())?;
+            self.advance(substep.length())?;
             self.set_estimates();
-            local_error += self.true_error();
-            self.next.time = piece.end;
-            self.next.prescribe(self.system);
-            time = piece.end;
+            local_error += self.position_error();
+            self.next.time = substep.end;
+            self.next.prescribe(system);
         }
         state.copy_from(&self.next);
         self.knows_first = false;
@@ -302,6 +252,9 @@ impl TimeStepper for Dop853<'_> {
     /// Φ is the difference quotient of the step itself: twelve evaluations from a displaced state.
     fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
         let system = self.system;
+        if !fits(system, error, step) {
+            return false;
+        }
         let twin = self.twin.get_or_insert_with(|| Box::new(Self::unchecked(system, step.before)));
         let epsilon = error.displace(system, step.before, step.length, &mut twin.base);
         if epsilon > 0.0 {
@@ -336,9 +289,9 @@ impl TimeStepper for Dop853<'_> {
 impl AdaptiveStepper for Dop853<'_> {
     fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
         StepFailure::of_arguments(self.system, state, dt)?;
-        // What the interpolant knows of the end of the last step is the beginning of this one.
+        // The interpolant's acceleration at the end of the last step is that at the start of this one.
         if self.knows_last {
-            self.stages.0.swap(0, END);
+            self.stages.swap(0, END);
             self.knows_first = true;
         }
         self.base.copy_from(state);
@@ -357,7 +310,7 @@ impl AdaptiveStepper for Dop853<'_> {
         self.next.prescribe(self.system);
         state.copy_from(&self.next);
         self.knows_first = false;
-        self.local_error = self.true_error();
+        self.local_error = self.position_error();
     }
 
     fn reject(&mut self) {}
@@ -371,7 +324,7 @@ impl AdaptiveStepper for Dop853<'_> {
     }
 
     fn interpolate(&mut self, before: &State, after: &State, time: f64, sample: &mut State) {
-        if self.set_last(after).is_err() {
+        if after.check(self.system).is_err() || self.set_last(after).is_err() {
             return hermite(before, after, time, sample);
         }
         let h = self.h;
@@ -383,11 +336,11 @@ impl AdaptiveStepper for Dop853<'_> {
             *v = *v0;
         }
         let (along, across) = (chain(&weights, &A).map(|w| w * h * h), weights.map(|w| w * h));
-        self.stages.add(&along, &across, &mut sample.positions, &mut sample.velocities);
+        add_stages(&self.stages, [&along, &across], &mut sample.positions, &mut sample.velocities);
     }
 
-    /// Where stability bounds the step errors of fast vibrations are of the size of the tolerance all the time.
-    fn caution(&self) -> f64 {
+    /// Where stability bounds the steps, errors of fast vibrations are as large as the tolerance all the time.
+    fn safety_factor(&self) -> f64 {
         3.0
     }
 

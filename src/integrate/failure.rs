@@ -1,15 +1,15 @@
-//! Why a step could not be done, and the status that a run ends with.
+//! The failure of a step, and the status of a run.
 
 use crate::force::DegenerateSpring;
 use crate::linear::SolveFailure;
 use crate::system::{State, System};
 use serde::Serialize;
 
-/// Why a step could not be done.
+/// The reason why a step could not be done.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StepFailure {
-    /// The linear system has no solution that can be vouched for.
+    /// The linear system was not solved to its tolerance.
     #[error(transparent)]
     Solve(#[from] SolveFailure),
     /// The ends of a spring coincide.
@@ -22,13 +22,13 @@ pub enum StepFailure {
         iterations: u64,
         /// Residual force over the scale of the forces.
         relative_residual: f64,
-        /// What stopped it.
+        /// The reason why it stopped.
         reason: NotSolved,
     },
     /// The error estimate stays above the tolerance.
     #[error("the error estimate stays above the tolerance however short the step")]
     Tolerance,
-    /// The step's length.
+    /// A step length that is not finite and positive.
     #[error("a step of {0} s cannot be done: it must be finite and positive")]
     StepLength(f64),
     /// A state of another system.
@@ -42,40 +42,32 @@ pub enum StepFailure {
     /// The new state would not be finite.
     #[error("the new positions or velocities are not finite")]
     NonFinite,
-    /// The energy of the scene has grown by more than it can have.
+    /// The energy of the scene has grown by more than is possible.
     #[error("{} J of energy appeared from nowhere; the motion had {exchanged:.3e} J to exchange until then", large(*gained, 3))]
     Unstable {
-        /// By how much it has grown, in J.
+        /// The growth, in J.
         gained: f64,
-        /// What the motion had to exchange, in J.
+        /// The energy that the motion had to exchange, in J.
         exchanged: f64,
     },
 }
 
-/// What stopped Newton's method.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// The reason why Newton's method stopped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NotSolved {
     /// No step length along the Newton direction makes progress.
+    #[error("found no step length that makes progress")]
     LineSearch,
-    /// The direction does not descend: the matrix is indefinite, and a policy and a solver that take it as it is (`full` by LDLᵀ)
-    /// were asked for.
+    /// The direction does not descend: the matrix is indefinite, and the policy and solver asked for (`full` by LDLᵀ) accept that.
+    #[error("met an indefinite matrix whose direction does not descend")]
     Ascent,
     /// The iteration limit.
+    #[error("reached its iteration limit")]
     IterationLimit,
 }
 
-impl std::fmt::Display for NotSolved {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::LineSearch => "found no step length that makes progress",
-            Self::Ascent => "met an indefinite matrix whose direction does not descend",
-            Self::IterationLimit => "reached its iteration limit",
-        })
-    }
-}
-
-/// How a run ended.
+/// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -115,11 +107,11 @@ impl Status {
 }
 
 impl StepFailure {
-    /// The outcome of all parts of a system: done where it is done in each of them, else a failure that one of them met. Solvers
+    /// The outcome for all parts of a system: success if every part succeeds, else the failure of one of them. Solvers
     /// agree by themselves.
     pub(super) fn of_any(system: &System, here: Result<(), Self>) -> Result<(), Self> {
-        let Some(peers) = system.peers() else { return here };
-        // The spring of the lowest number, by the largest of the opposites; no spring is −∞.
+        let Some(peers) = system.communicator() else { return here };
+        // The degenerate spring of the lowest number, as the largest of the negatives; −∞ where there is none.
         let spring = match here {
             Err(Self::DegenerateSpring(DegenerateSpring { spring, .. })) => -(peers.spring(spring) as f64),
             _ => f64::NEG_INFINITY,
@@ -141,7 +133,12 @@ impl StepFailure {
         Err(Self::DegenerateSpring(DegenerateSpring { spring: -lowest as usize, pair }))
     }
 
-    /// Refuses a step that is no step of a system.
+    /// [`NonFinite`](Self::NonFinite) where the new state of any part of a system is not finite.
+    pub(super) fn unless_finite(system: &System, is_finite: bool) -> Result<(), Self> {
+        Self::of_any(system, if is_finite { Ok(()) } else { Err(Self::NonFinite) })
+    }
+
+    /// Refuses a state of another system or without a time, and a step length that is not finite and positive.
     pub(super) fn of_arguments(system: &System, state: &State, dt: f64) -> Result<(), Self> {
         let expected = system.particles();
         if let Some(found) =
@@ -149,32 +146,30 @@ impl StepFailure {
         {
             return Err(Self::ForeignState { found, expected });
         }
-        if dt.is_finite() && dt > 0.0 { Ok(()) } else { Err(Self::StepLength(dt)) }
+        if !(dt.is_finite() && dt > 0.0) {
+            return Err(Self::StepLength(dt));
+        }
+        if state.time.is_finite() { Ok(()) } else { Err(Self::NonFinite) }
     }
 
     /// The status of a run that this failure ends.
     pub fn status(&self) -> Status {
         match self {
             Self::Solve(SolveFailure::Indefinite(_)) => Status::Indefinite,
-            Self::Solve(
-                SolveFailure::NotConverged { .. }
-                | SolveFailure::Untrusted { .. }
-                | SolveFailure::Unprepared
-                | SolveFailure::WrongLength { .. },
-            ) => Status::NotConverged,
+            Self::Solve(SolveFailure::Interrupted) => Status::Interrupted,
             Self::Solve(SolveFailure::NonFinite)
             | Self::NonFinite
             | Self::StepLength(_)
             | Self::ForeignState { .. } => Status::NonFinite,
-            Self::Solve(SolveFailure::Interrupted) => Status::Interrupted,
             Self::DegenerateSpring(_) => Status::DegenerateSpring,
-            Self::Newton { .. } | Self::Tolerance => Status::NotConverged,
             Self::Unstable { .. } => Status::Unstable,
+            Self::Solve(_) | Self::Newton { .. } | Self::Tolerance => Status::NotConverged,
         }
     }
 }
-/// A number for people that may have grown beyond all numbers.
-pub(super) fn large(value: f64, digits: usize) -> String {
+
+/// A number in words that may have overflowed.
+fn large(value: f64, digits: usize) -> String {
     if value.is_finite() { format!("{value:.digits$e}") } else { "more than 1e308".into() }
 }
 
@@ -184,31 +179,20 @@ mod tests {
 
     #[test]
     fn failures_are_sentences() {
-        let newton = |reason| StepFailure::Newton { iterations: 7, relative_residual: 0.25, reason };
-        for (failure, text) in [
-            (
-                newton(NotSolved::LineSearch),
-                "Newton's method found no step length that makes progress after 7 iterations at a relative residual of 2.500e-1",
-            ),
-            (
-                newton(NotSolved::Ascent),
-                "Newton's method met an indefinite matrix whose direction does not descend after 7 iterations at a relative \
-                 residual of 2.500e-1",
-            ),
-            (
-                newton(NotSolved::IterationLimit),
-                "Newton's method reached its iteration limit after 7 iterations at a relative residual of 2.500e-1",
-            ),
-            (
-                StepFailure::Unstable { gained: 12.5, exchanged: 2.0 },
-                "1.250e1 J of energy appeared from nowhere; the motion had 2.000e0 J to exchange until then",
-            ),
-            (
-                StepFailure::Unstable { gained: f64::INFINITY, exchanged: 2.0 },
-                "more than 1e308 J of energy appeared from nowhere; the motion had 2.000e0 J to exchange until then",
-            ),
+        for (reason, text) in [
+            (NotSolved::LineSearch, "found no step length that makes progress"),
+            (NotSolved::Ascent, "met an indefinite matrix whose direction does not descend"),
+            (NotSolved::IterationLimit, "reached its iteration limit"),
         ] {
-            assert_eq!(failure.to_string(), text);
+            let failure = StepFailure::Newton { iterations: 7, relative_residual: 0.25, reason };
+            let expected = format!("Newton's method {text} after 7 iterations at a relative residual of 2.500e-1");
+            assert_eq!(failure.to_string(), expected);
+        }
+        for (gained, text) in [(12.5, "1.250e1"), (f64::INFINITY, "more than 1e308")] {
+            let failure = StepFailure::Unstable { gained, exchanged: 2.0 };
+            let expected =
+                format!("{text} J of energy appeared from nowhere; the motion had 2.000e0 J to exchange until then");
+            assert_eq!(failure.to_string(), expected);
         }
     }
 }

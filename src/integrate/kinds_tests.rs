@@ -1,16 +1,22 @@
-//! Loads, drag, springs of other kinds and forces from outside that hand out their derivatives: forces against energies and matrices, and motions of
-//! several methods against exact ones and each other.
+//! Loads, drag, springs of other kinds, spring laws, and external forces with derivatives: forces against energies and matrices, and motions
+//! of several methods against exact ones and each other.
 
-use super::{Bdf2, Dop853, ImplicitOptions, LinearBackwardEuler, Rodas4, StepMatrices, TimeStepper, Verlet, WMethod};
-use crate::force::{Energy, SpringGeometry, actuation_power, add_force_rate, set_total_force};
+use super::{
+    Bdf2, Dop853, ImplicitOptions, LinearBackwardEuler, Method, Monitor, MonitorOptions, Rodas4, StepMatrices,
+    TimeStepper, Verlet, WMethod,
+};
+use crate::force::{Energy, Reactions, SpringGeometry, actuation_power, add_force_rate, set_total_force};
 use crate::operator::{Combination, LinearOperator, SystemOperator};
-use crate::spring::{Spring, Stiffness};
+use crate::spring::{LawValue, Spring, SpringLaw, Stiffness, Tension};
 use crate::system::{
-    Actuation, Behaviour, Curve, Derivatives, ExternalForce, Loads, State, StateView, System, SystemBuilder,
+    Actuation, Axes, Behaviour, Constraint, Curve, Derivatives, ExternalForce, Loads, Motion, State, StateView, System,
+    SystemBuilder,
 };
 use nalgebra::{DMatrix, Matrix3, Vector3};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Pushes up below y = `height`, with friction, as a penalty does.
+/// A penalty force that pushes up below y = `height`, damped.
 #[derive(Debug)]
 struct Floor {
     height: f64,
@@ -49,8 +55,8 @@ impl ExternalForce for Plain {
     }
 }
 
-/// One spring of each kind between five particles that are not in a row: ordinary, without a rest length, without and with tension of those that do not
-/// push, and one that is on its way from 1 to 2 rest lengths. The first particle is below the floor.
+/// One spring of each kind between five particles in general position: ordinary, without a rest length, tension-only without and with tension,
+/// and one whose rest length changes from once to twice its length. The first particle is below the floor.
 fn every_kind() -> (System, State) {
     let mut builder = SystemBuilder::new();
     builder.gravity(0.5, -9.0, 0.1);
@@ -93,10 +99,10 @@ fn force(system: &System, state: &State) -> Vec<f64> {
     force.iter().flatten().copied().collect()
 }
 
-/// Steps of central differences: their truncation and rounding are both near 1e-9 of the third derivatives and the forces.
+/// The step of central differences: truncation and rounding are both near 1e-9 of the third derivatives and the forces.
 const STEP: f64 = 1e-5;
 
-/// Central differences of the force by one entry after the other of what `entry` hands out.
+/// Central differences of the force by the entries that `entry` returns.
 fn differences(system: &System, state: &State, entry: impl Fn(&mut State, usize) -> &mut f64) -> DMatrix<f64> {
     let n = 3 * system.particles();
     let mut matrix = DMatrix::zeros(n, n);
@@ -116,8 +122,8 @@ fn nearly(a: &DMatrix<f64>, b: &DMatrix<f64>) -> bool {
     (a - b).amax() < 1e-5 * (1.0 + b.amax())
 }
 
-/// K and G are the derivatives of the forces, and their assembled and matrix-free forms are one. What damping along springs that turn adds to
-/// ∂f/∂x is no part of K, so K is compared at rest.
+/// K and G are the derivatives of the forces, and their assembled and matrix-free forms agree. K is compared at rest, as it lacks the
+/// derivative of damping forces of springs that turn.
 #[test]
 fn matrices_are_derivatives_of_forces() {
     let (system, state) = every_kind();
@@ -147,7 +153,7 @@ fn matrices_are_derivatives_of_forces() {
     }
 }
 
-/// Elastic forces are the gradient of the elastic energy, and forces and energy change in time as they say.
+/// Elastic forces are the gradient of the elastic energy; the rates of forces and energy are their derivatives in time.
 #[test]
 fn energies_and_rates_are_those_of_the_forces() {
     let (system, state) = every_kind();
@@ -224,8 +230,8 @@ fn drag_is_implicit() {
     assert!((system.loads().dissipation(&[Vector3::new(0.0, 2.0, 0.0)]) - 32.0).abs() < 1e-12);
 }
 
-/// Gravity that goes from 0 to −6 m/s² within 1 s, and a load of 4 N on 2 kg: x = 2 t²/2 − t³ until then, which methods of order three and more have
-/// exactly, and the kink is where a step ends.
+/// Gravity that changes from 0 to −6 m/s² within 1 s, and a load of 4 N on 2 kg: x = 2 t²/2 − t³ until then, exact for methods of order three
+/// and more as steps end at the kink.
 #[test]
 fn gravity_in_time_and_loads_accelerate() {
     let mut builder = SystemBuilder::new();
@@ -243,7 +249,7 @@ fn gravity_in_time_and_loads_accelerate() {
     assert_eq!(system.loads().potential(&[Vector3::new(9.0, 3.0, 0.0)]), -12.0);
 }
 
-/// rodas4 keeps its order where rest lengths and gravity change in time: half the step, a sixteenth of the error.
+/// The order of rodas4 holds where rest lengths and gravity change in time: with half the step a sixteenth of the error.
 #[test]
 fn the_order_holds_where_rest_lengths_change() {
     let (system, start) = {
@@ -293,7 +299,7 @@ fn falling() -> (SystemBuilder, Floor) {
     (builder, Floor { height: 0.0, stiffness: 2e3, damping: 2.0 })
 }
 
-/// With its derivatives a stiff floor is the same to all methods, with steps that are long against its own period of 14 ms; without them rodas4
+/// With its derivatives all methods agree on a stiff floor, with steps that are long against its own period of 14 ms; without them rodas4
 /// refuses it.
 #[test]
 fn a_stiff_floor_is_the_same_to_all_methods() {
@@ -322,7 +328,7 @@ fn a_stiff_floor_is_the_same_to_all_methods() {
     assert!(Rodas4::new(&plain, &start, &options).is_err());
 }
 
-/// A force whose derivative is indefinite: `full` has it whole, `tension` its stable part.
+/// A force with an indefinite derivative: `full` has all of it, `tension` the stable part.
 #[derive(Debug)]
 struct Saddle;
 
@@ -353,9 +359,101 @@ fn options_keep_the_stable_part_of_forces_from_outside() {
     assert_eq!((k(Stiffness::Full)[(1, 0)], k(Stiffness::Full)[(0, 0)]), (50.0, 0.0));
     let stable = k(Stiffness::Tension);
     assert!((stable[(0, 0)] + 25.0).abs() < 1e-12 && (stable[(1, 0)] - 25.0).abs() < 1e-12, "{stable}");
-    // 1/dt² = 1 is less than 50: the default takes the stable part, and steps.
+    // 1/dt² = 1 is less than 50: the default takes the stable part.
     let mut moved = state.clone();
     let mut stepper = LinearBackwardEuler::new(&system, &state, &ImplicitOptions::default()).unwrap();
     stepper.step(&mut moved, 1.0).unwrap();
     assert!(moved.is_finite());
+}
+
+/// Springs that stiffen with the cube of their strain, each by another coefficient.
+#[derive(Debug)]
+struct Cubic;
+
+impl SpringLaw for Cubic {
+    fn tension(&self, number: usize, spring: &Spring, length: f64) -> Tension {
+        let (k, strain, c) = (spring.stiffness, length / spring.rest_length - 1.0, 1.0 + number as f64);
+        let slope = k * (1.0 + 3.0 * c * strain * strain) / spring.rest_length;
+        Tension { force: k * (strain + c * strain.powi(3)), slope }
+    }
+
+    fn energy(&self, number: usize, spring: &Spring, length: f64) -> f64 {
+        let (strain, c) = (length / spring.rest_length - 1.0, 1.0 + number as f64);
+        spring.stiffness * spring.rest_length * (strain.powi(2) / 2.0 + c * strain.powi(4) / 4.0)
+    }
+}
+
+/// The same, evaluated for all springs at once only.
+#[derive(Debug)]
+struct AtOnce(Arc<AtomicUsize>);
+
+impl SpringLaw for AtOnce {
+    fn tension(&self, number: usize, _: &Spring, _: f64) -> Tension {
+        unreachable!("spring {number} was evaluated alone")
+    }
+
+    fn energy(&self, number: usize, _: &Spring, _: f64) -> f64 {
+        unreachable!("spring {number} was evaluated alone")
+    }
+
+    fn is_asked_at_once(&self) -> bool {
+        true
+    }
+
+    fn values(&self, springs: &[Spring], lengths: &[f64]) -> Vec<LawValue> {
+        self.0.fetch_add(1, Ordering::Relaxed);
+        Cubic.values(springs, lengths)
+    }
+}
+
+/// A damped chain with one end held and the other on a path with a kink; the last spring is between prescribed particles.
+fn chain() -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.gravity(0.0, -9.81, 0.0);
+    for p in 0..8 {
+        let p = p as f64;
+        builder.particle([p, 0.1 * p * p, 0.3 * (p % 3.0)], 1.0 + 0.2 * p);
+    }
+    for p in 0..7 {
+        let rest_length = 0.9 + 0.05 * p as f64;
+        builder.spring(p, p + 1, Spring { stiffness: 150.0 + p as f64, rest_length, damping: 0.2 * (p % 2) as f64 });
+    }
+    builder.hold(0);
+    let offsets = [0.0, 0.02, 0.01].map(Vector3::repeat).into();
+    let motion = Motion::Path { times: vec![0.0, 0.013, 0.03], offsets };
+    builder.constrain(Constraint { particles: vec![6, 7], axes: Axes::first(3), motion });
+    builder.build().unwrap()
+}
+
+/// A law evaluated for all springs at once gives the same motions, energies and accounts, to the bit, as evaluated one by one.
+#[test]
+fn laws_are_evaluated_at_once() {
+    let calls = Arc::new(AtomicUsize::new(0));
+    let (plain, start) = chain();
+    let systems = [plain.clone().with_spring_law(Cubic), plain.with_spring_law(AtOnce(calls.clone()))];
+    let moment = start.moment();
+    let [one, all] = systems.each_ref().map(|system| {
+        let reactions = Reactions::at(system, &start).unwrap().forces;
+        (Energy::of(system, &start), reactions, system.springs_at(&moment))
+    });
+    assert_eq!(one, all);
+    assert_eq!(calls.swap(0, Ordering::Relaxed), 3);
+    for method in Method::ALL {
+        let [one, all] = systems.each_ref().map(|system| {
+            let mut state = start.clone();
+            let mut stepper = method.stepper(system, &state, &ImplicitOptions::default()).unwrap();
+            let mut monitor = Monitor::new(system, &state, MonitorOptions::default()).unwrap();
+            for step in 1..=10 {
+                stepper.step(&mut state, 2e-3).unwrap();
+                monitor.enter(step, &state, 2e-3).unwrap();
+            }
+            let balance = monitor.balance();
+            (state, monitor.energy(), [balance.work, balance.dissipated], stepper.statistics().work)
+        });
+        assert_eq!(one, all, "{method:?}");
+        let evaluations = all.3.force_evaluations as usize;
+        // For forces and their derivatives at each configuration, and for the energies at the end of a step.
+        let found = calls.swap(0, Ordering::Relaxed);
+        assert!(found <= 2 * evaluations + 3 * 10 + 5, "{method:?}: {found} times in {evaluations} evaluations");
+    }
 }

@@ -1,69 +1,59 @@
-//! How exactly the equations of a step are worth solving: to a small part of the error in time that the step makes anyway.
+//! The accuracy to which the equations of a step are worth solving: a small part of the error in time that the step makes anyway.
 //!
-//! A step solves `A x = b` with `A = M/τ² + S`, x being a displacement or a correction of one. Where S is positive semidefinite, as
-//! it is for matrices that are made so, `M^½ A⁻¹ M^½ ⪯ τ² I`, and a solution with the residual r is off by
+//! A step solves `A x = b` with `A = M/τ² + S`, x being a displacement or a correction of one. Where S is positive semidefinite, as in
+//! regularized matrices, `M^½ A⁻¹ M^½ ⪯ τ² I`, and a solution with the residual r has the error e,
 //!
 //! ```text
 //! ‖e‖_M ≤ τ² ‖r‖_{M⁻¹} ≤ τ² ‖r‖₂/√m_min,      ‖e‖_M = √(eᵀ M e).
 //! ```
 //!
-//! With E the error in time of the step, a displacement, it is exact enough at
+//! With E the error in time of the step, a displacement, the solution is accurate enough at
 //!
 //! ```text
 //! ‖r‖₂ ≤ θ ‖E‖_M √m_min/τ²,      θ = 10⁻⁴:
 //! ```
 //!
-//! even if all steps erred to the same side they would add a ten-thousandth to what is wrong anyway. E is known when the step is done. As
-//! motion is smooth the E of the last step stands for it; afterwards it is looked at, and a solution that is off by more than θ' = 10⁻³ of
-//! it is improved. The first step of a run is solved to the last digit asked for, [`Tolerance::STRICT`], and so is a step without an error; no
-//! residual is larger than θ ‖b‖₂, however large the last step's error was.
+//! even if the errors of all steps had the same sign they would add a ten-thousandth to the error of the run. The E of the last step stands
+//! for that of the next; afterwards a solution with an error of more than θ' = 10⁻³ of E is improved. The first step of a run, and a step
+//! without an error, is solved to [`Tolerance::STRICT`]. No residual is larger than θ ‖b‖₂. Where the full stiffness of compressed
+//! springs makes S indefinite and A still definite, the bound is not proven.
 //!
-//! Where the full stiffness of pressed springs makes S indefinite and A still definite, the bound is not proven.
-//!
-//! (Own derivation; "inexact" Newton methods choose their tolerances likewise, see [`Forcing`](super::forcing::Forcing).)
+//! (Own derivation; inexact Newton methods choose their tolerances likewise, see [`Forcing`](super::newton::Forcing).)
 
 use crate::linear::Tolerance;
 use crate::system::System;
 use nalgebra::Vector3;
 
-/// Of the error in time, what the linear solver may add.
+/// θ.
 const SHARE: f64 = 1e-4;
 
-/// What it may turn out to have added before a solution is improved.
-const MOST: f64 = 1e-3;
+/// θ'.
+const LARGEST_SHARE: f64 = 1e-3;
 
-/// What is known of the errors of steps, and what follows for solvers.
+/// The errors of steps, and the tolerances that follow for solvers.
 #[derive(Debug, Clone)]
 pub(super) struct LinearTolerance {
-    /// Whether errors are of use.
-    follows: bool,
+    is_adaptive: bool,
     /// The smallest relative residual that is asked for.
     strictest: f64,
     /// √m_min over free particles, in √kg.
-    lightest: f64,
+    root_mass: f64,
     /// ‖E‖_M of the last step, in m √kg; `None` where it is not known.
     error: Option<f64>,
-    /// The relative residual asked for last.
-    asked: f64,
+    /// The last relative residual asked for.
+    last: f64,
 }
 
 impl LinearTolerance {
-    /// Nothing known.
     pub fn new(system: &System, tolerance: Tolerance) -> Self {
         let [lightest, _] = system.free_masses();
         let strictest = tolerance.strictest();
-        Self {
-            follows: tolerance == Tolerance::Adaptive,
-            strictest,
-            lightest: lightest.sqrt(),
-            error: None,
-            asked: strictest,
-        }
+        let is_adaptive = tolerance == Tolerance::Adaptive;
+        Self { is_adaptive, strictest, root_mass: lightest.sqrt(), error: None, last: strictest }
     }
 
-    /// Whether errors are of use.
-    pub fn follows(&self) -> bool {
-        self.follows
+    pub fn is_adaptive(&self) -> bool {
+        self.is_adaptive
     }
 
     /// The smallest relative residual that is asked for.
@@ -71,34 +61,34 @@ impl LinearTolerance {
         self.strictest
     }
 
-    /// Makes this the smallest relative residual that is asked for, unless it is larger already.
-    pub fn never_below(&mut self, residual: f64) {
+    /// Raises the smallest relative residual that is asked for to at least this.
+    pub fn set_floor(&mut self, residual: f64) {
         self.strictest = self.strictest.max(residual);
     }
 
-    /// Takes note of ‖E‖_M of a step, in m √kg.
-    pub fn learn(&mut self, error: f64) {
+    /// Records ‖E‖_M of a step, in m √kg.
+    pub fn record(&mut self, error: f64) {
         self.error = Some(error);
     }
 
-    /// The relative residual to ask for: of a right-hand side of norm b, in N, with a matrix that has `inertia` = 1/τ² of M, in 1/s².
-    pub fn ask(&mut self, b: f64, inertia: f64) -> f64 {
-        let wanted = self.error.map_or(0.0, |error| SHARE * error * self.lightest * inertia / b);
-        // Not a number where there is nothing to solve for.
-        let is_cruder = self.follows && wanted > self.strictest;
-        self.asked = if is_cruder { wanted.min(SHARE).max(self.strictest) } else { self.strictest };
-        self.asked
+    /// The relative residual for a right-hand side of norm b, in N, and a matrix with `inertia` = 1/τ² of M, in 1/s².
+    pub fn next(&mut self, b: f64, inertia: f64) -> f64 {
+        let wanted = self.error.map_or(0.0, |error| SHARE * error * self.root_mass * inertia / b);
+        // NaN where b and the error are zero.
+        let is_coarser = self.is_adaptive && wanted > self.strictest;
+        self.last = if is_coarser { wanted.min(SHARE).max(self.strictest) } else { self.strictest };
+        self.last
     }
 
-    /// What an improved solution could take of this residual, in N: nothing where it was solved to the last digit asked for.
+    /// The part of a residual, in N, that a better solution could remove: none where the strictest tolerance was asked for.
     pub fn improvable(&self, residual: f64) -> f64 {
-        if self.asked > self.strictest { residual } else { 0.0 }
+        if self.last > self.strictest { residual } else { 0.0 }
     }
 
-    /// Whether solutions with [improvable](Self::improvable) residuals of at most this norm, in N, are as exact as a step with the error ‖E‖_M deserves.
+    /// True if [improvable](Self::improvable) residuals of at most this norm, in N, are small enough for a step with the error ‖E‖_M.
     pub fn suffices(&self, residual: f64, inertia: f64, error: f64) -> bool {
-        // Where nothing moves the bound is not a number.
-        residual == 0.0 || residual <= MOST * error * self.lightest * inertia
+        // Where nothing moves the bound is NaN.
+        residual == 0.0 || residual <= LARGEST_SHARE * error * self.root_mass * inertia
     }
 }
 
@@ -116,7 +106,7 @@ pub(super) fn mass_norm(system: &System, d: impl Fn(usize) -> Vector3<f64>) -> f
 
 #[cfg(test)]
 mod tests {
-    use super::{LinearTolerance, MOST, SHARE, mass_norm};
+    use super::{LARGEST_SHARE, LinearTolerance, SHARE, mass_norm};
     use crate::assembly::{SpringPattern, SystemMatrix};
     use crate::force::SpringGeometry;
     use crate::linear::{Cholesky, Tolerance};
@@ -145,33 +135,29 @@ mod tests {
     #[test]
     fn a_share_of_the_error_is_asked_for() {
         let (system, _) = chain();
-        let mut exactness = LinearTolerance::new(&system, Tolerance::Adaptive);
-        assert_eq!(exactness.ask(8.0, 5.0), 1e-10);
-        assert_eq!(exactness.improvable(7.0), 0.0);
-        exactness.learn(3.0);
+        let mut tolerance = LinearTolerance::new(&system, Tolerance::Adaptive);
+        assert_eq!(tolerance.next(8.0, 5.0), 1e-10);
+        assert_eq!(tolerance.improvable(7.0), 0.0);
+        tolerance.record(3.0);
         let expected = SHARE * 3.0 * 2.0 * 5.0 / 80.0;
-        assert!((exactness.ask(80.0, 5.0) - expected).abs() < 1e-12 * expected);
-        assert_eq!(exactness.improvable(7.0), 7.0);
+        assert!((tolerance.next(80.0, 5.0) - expected).abs() < 1e-12 * expected);
+        assert_eq!(tolerance.improvable(7.0), 7.0);
         // Never cruder than the share of the right-hand side, nor finer than the last digit asked for.
-        assert_eq!(exactness.ask(1e-3, 5.0), SHARE);
-        assert_eq!(exactness.ask(1e12, 5.0), 1e-10);
-        assert_eq!(exactness.ask(0.0, 5.0), SHARE);
-        exactness.learn(0.0);
-        assert_eq!((exactness.ask(8.0, 5.0), exactness.ask(0.0, 5.0)), (1e-10, 1e-10));
-        exactness.never_below(1e-7);
-        assert_eq!((exactness.ask(8.0, 5.0), exactness.strictest()), (1e-7, 1e-7));
+        assert_eq!(tolerance.next(1e-3, 5.0), SHARE);
+        assert_eq!(tolerance.next(1e12, 5.0), 1e-10);
+        assert_eq!(tolerance.next(0.0, 5.0), SHARE);
+        tolerance.record(0.0);
+        assert_eq!((tolerance.next(8.0, 5.0), tolerance.next(0.0, 5.0)), (1e-10, 1e-10));
+        tolerance.set_floor(1e-7);
+        assert_eq!((tolerance.next(8.0, 5.0), tolerance.strictest()), (1e-7, 1e-7));
 
-        let most = MOST * 3.0 * 2.0 * 5.0;
-        assert!(exactness.suffices(0.0, 5.0, f64::NAN) && !exactness.suffices(1.0, 5.0, f64::NAN));
-        assert!(exactness.suffices(0.99 * most, 5.0, 3.0) && !exactness.suffices(1.01 * most, 5.0, 3.0));
-    }
+        let mut fixed = LinearTolerance::new(&system, Tolerance::Fixed(1e-5));
+        fixed.record(1e9);
+        assert_eq!((fixed.next(1.0, 1.0), fixed.is_adaptive()), (1e-5, false));
 
-    #[test]
-    fn a_fixed_tolerance_stays() {
-        let (system, _) = chain();
-        let mut exactness = LinearTolerance::new(&system, Tolerance::Fixed(1e-5));
-        exactness.learn(1e9);
-        assert_eq!((exactness.ask(1.0, 1.0), exactness.follows()), (1e-5, false));
+        let largest = LARGEST_SHARE * 3.0 * 2.0 * 5.0;
+        assert!(tolerance.suffices(0.0, 5.0, f64::NAN) && !tolerance.suffices(1.0, 5.0, f64::NAN));
+        assert!(tolerance.suffices(0.99 * largest, 5.0, 3.0) && !tolerance.suffices(1.01 * largest, 5.0, 3.0));
     }
 
     /// ‖A⁻¹ r‖_M ≤ τ² ‖r‖₂/√m_min, whatever the residual, and nearly as much for soft springs and a residual at the lightest particle.

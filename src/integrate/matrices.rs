@@ -1,17 +1,18 @@
-//! K, G, M, A and b, assembled for the caller.
+//! Assembled K, G, M, A and b.
 
+use super::backward_euler::set_right_hand_side;
+use super::ensure_room;
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::error::{Error, Invalid, Result};
-use crate::force::{SpringGeometry, add_elastic_force, add_undamped_external_forces, add_weight};
-use crate::memory;
+use crate::force::SpringGeometry;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// The matrices of a system at a state, over the free degrees of freedom ordered by particle, then axis: patterns and slots once, values as often as
-/// asked.
+/// The matrices of a system at a state, over the free degrees of freedom ordered by particle, then axis. Patterns and slots are computed
+/// once, values by every [`update`](Self::update).
 ///
 /// # Examples
 /// ```
@@ -51,16 +52,12 @@ pub struct Matrices<'s> {
     at: Option<Linearization<'s>>,
 }
 
-/// A state that matrices are assembled at.
+/// The state at which matrices are assembled.
 struct Linearization<'s> {
     extensions: SpringGeometry,
     operator: SystemOperator<'s>,
     option: Stiffness,
 }
-
-/// Bytes of three matrices and their patterns, at most, for a spring and for a particle.
-const SPRING: u64 = 800;
-const PARTICLE: u64 = 800;
 
 impl<'s> Matrices<'s> {
     /// The patterns of a system; K and G are zero until the first [`update`](Self::update).
@@ -68,8 +65,8 @@ impl<'s> Matrices<'s> {
     /// # Errors
     /// A matrix that is too large.
     pub fn new(system: &'s System) -> Result<Self> {
-        let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
-        memory::ensure(SPRING * springs + PARTICLE * particles, "the matrices of a system")?;
+        // Three matrices and their patterns, in bytes for a spring and a particle.
+        ensure_room(system, [800, 800], "the matrices of a system")?;
         let stiffness = Arc::new(SpringPattern::of_stiffness(system)?);
         let dofs = system.dofs();
         Ok(Self {
@@ -88,22 +85,22 @@ impl<'s> Matrices<'s> {
     /// A state of another system; coincident ends of a spring. Without an update that succeeds there is neither A nor b.
     pub fn update(&mut self, state: &State, option: Stiffness) -> Result<()> {
         state.check(self.system)?;
-        let mut at = match self.at.take() {
+        let (extensions, mut operator) = match self.at.take() {
             Some(Linearization { mut extensions, operator, .. }) => {
                 extensions.update(self.system, state)?;
-                Linearization { extensions, operator, option }
+                (extensions, operator)
             }
             None => {
                 let extensions = SpringGeometry::at(self.system, state)?;
                 let operator = SystemOperator::new(self.system, &extensions, option, Combination::STIFFNESS);
-                Linearization { extensions, operator, option }
+                (extensions, operator)
             }
         };
         for (matrix, combination) in [(&mut self.k, Combination::STIFFNESS), (&mut self.g, Combination::DAMPING)] {
-            at.operator.update(&at.extensions, option, combination);
-            matrix.refill(&at.operator);
+            operator.update(&extensions, option, combination);
+            matrix.refill(&operator);
         }
-        self.at = Some(at);
+        self.at = Some(Linearization { extensions, operator, option });
         Ok(())
     }
 
@@ -122,12 +119,12 @@ impl<'s> Matrices<'s> {
         &self.masses
     }
 
-    fn step(&self, dt: f64) -> Result<(&Linearization<'s>, SystemOperator<'s>)> {
+    fn step_operator(&self, dt: f64) -> Result<(&Linearization<'s>, SystemOperator<'s>)> {
         if !(dt.is_finite() && dt > 0.0) {
             return Err(Invalid::new("dt", dt, "must be finite and positive").into());
         }
         let at =
-            self.at.as_ref().ok_or_else(|| Error::Unsupported("A and b are those of a state: update first".into()))?;
+            self.at.as_ref().ok_or_else(|| Error::Unsupported("A and b need a state: call update first".into()))?;
         Ok((at, SystemOperator::new(self.system, &at.extensions, at.option, Combination::step(dt))))
     }
 
@@ -136,26 +133,23 @@ impl<'s> Matrices<'s> {
     /// # Errors
     /// A dt that is not positive; no state yet; too little memory.
     pub fn a(&self, dt: f64) -> Result<SymmetricMatrix> {
-        let (_, operator) = self.step(dt)?;
+        let (_, operator) = self.step_operator(dt)?;
         let mut a = SystemMatrix::try_zeros(self.stiffness.clone())?;
         a.refill(&operator);
         Ok(a.into_matrix())
     }
 
-    /// `b = M v/dt + g + f_el(x) − A_fc δx_c`, in N, and of forces from outside `f_ext − D v`, with the prescribed motion on the right-hand side: of a step
-    /// from the state of the last update, whose velocities and time `state` has.
+    /// `b = M v/dt + g + f_el(x) + f_ext − D v − A_fc δx_c`, in N, with the prescribed motion on the right-hand side, for a step from the
+    /// state of the last update; `state` has its velocities and time.
     ///
     /// # Errors
     /// A dt that is not positive; no state yet; a state of another system.
     pub fn b(&self, state: &State, dt: f64) -> Result<Vec<f64>> {
-        let (Linearization { extensions, .. }, operator) = self.step(dt)?;
+        let (Linearization { extensions, .. }, operator) = self.step_operator(dt)?;
         let system = self.system;
         state.check(system)?;
-        let inertia = |(mass, velocity): (&f64, &Vector3<f64>)| velocity * (mass / dt);
-        let mut force: Vec<Vector3<f64>> = system.masses().iter().zip(&state.velocities).map(inertia).collect();
-        add_weight(system, &mut force);
-        add_undamped_external_forces(system, extensions, &state.moment(), &mut force);
-        add_elastic_force(system, extensions, &mut force);
+        let mut force = vec![Vector3::zeros(); system.particles()];
+        set_right_hand_side(system, extensions, state, dt, &mut force);
         let mut displacement = vec![Vector3::zeros(); system.particles()];
         system.prescribed().displacement(state.time + dt, &state.positions, &mut displacement);
         let mut b = vec![0.0; system.dofs().len()];
@@ -165,7 +159,7 @@ impl<'s> Matrices<'s> {
     }
 }
 
-/// Everything of one step `A δx = b`, as [`Matrices`] gives it.
+/// The matrices and the right-hand side of one step `A δx = b`.
 #[derive(Debug, Clone)]
 pub struct StepMatrices {
     /// `A = M/dt² − G/dt − K`, in N/m.

@@ -1,4 +1,4 @@
-//! The methods by name, and what callers need to know of them.
+//! The methods by name, with their properties.
 
 use super::{
     AdaptiveStepper, BackwardEuler, Bdf2, Dop853, ForwardEuler, ImplicitMidpoint, ImplicitOptions, LinearBackwardEuler,
@@ -7,7 +7,7 @@ use super::{
 use crate::error::Result;
 use crate::system::{State, System};
 
-/// Which method advances the state.
+/// A method that advances the state.
 ///
 /// # Examples
 /// ```
@@ -55,17 +55,17 @@ pub enum Method {
     SymplecticEuler,
 }
 
-/// What the equations of a step are.
+/// The kind of equations in a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Equations {
     /// None: forces at known states only.
     Explicit,
-    /// Linear ones with a matrix `A = M/dt² − G/dt − K`, whose stiffness option is in the result.
+    /// Linear ones with a matrix `A = M/dt² − G/dt − K`; the result depends on its stiffness option.
     Linear,
     /// Linear ones with the full stiffness, whatever the option.
     LinearExact,
-    /// Nonlinear ones, up to the tolerance of Newton's method; the option decides about the way to their solution only.
+    /// Nonlinear ones, up to the tolerance of Newton's method; the option affects the iterations only.
     Nonlinear,
 }
 
@@ -73,25 +73,14 @@ pub enum Equations {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PositionUpdate {
-    /// That at its beginning.
+    /// The velocity at the start.
     Old,
-    /// That at its end.
+    /// The velocity at the end.
     New,
     /// The mean of both.
     Mean,
-    /// None of these: there are several stages, or older states have a part.
+    /// None of these: there are several stages, or older states contribute.
     Other,
-}
-
-/// All that is known of a method but how it steps.
-struct Facts {
-    name: &'static str,
-    order: u32,
-    equations: Equations,
-    moves_by: PositionUpdate,
-    estimates_errors: bool,
-    /// The dt of the first matrix of a step, in steps.
-    matrix_part: f64,
 }
 
 impl Method {
@@ -109,76 +98,74 @@ impl Method {
         Self::SymplecticEuler,
     ];
 
-    const fn facts(self) -> Facts {
+    /// Name, order, equations, and velocity of the positions.
+    const fn properties(self) -> (&'static str, u32, Equations, PositionUpdate) {
         use Equations::{Explicit, Linear, LinearExact, Nonlinear};
         use PositionUpdate::{Mean, New, Old, Other};
-        let (name, order, equations, moves_by, estimates_errors) = match self {
-            Self::LinearBackwardEuler => ("linear-backward-euler", 1, Linear, New, false),
-            Self::BackwardEuler => ("backward-euler", 1, Nonlinear, New, false),
-            Self::Bdf2 => ("bdf2", 2, Linear, Other, true),
-            Self::W2 => ("w2", 2, Linear, Other, true),
-            Self::Rodas4 => ("rodas4", 4, LinearExact, Other, true),
-            Self::ImplicitMidpoint => ("implicit-midpoint", 2, Nonlinear, Mean, false),
-            Self::Verlet => ("verlet", 2, Explicit, Other, false),
-            Self::Dop853 => ("dop853", 8, Explicit, Other, true),
-            Self::ForwardEuler => ("forward-euler", 1, Explicit, Old, false),
-            Self::SymplecticEuler => ("symplectic-euler", 1, Explicit, New, false),
-        };
-        let matrix_part = match self {
-            Self::Bdf2 => 2.0 / 3.0,
-            Self::W2 => WMethod::GAMMA,
-            Self::Rodas4 => Rodas4::GAMMA,
-            Self::ImplicitMidpoint => 0.5,
-            _ => 1.0,
-        };
-        Facts { name, order, equations, moves_by, estimates_errors, matrix_part }
+        match self {
+            Self::LinearBackwardEuler => ("linear-backward-euler", 1, Linear, New),
+            Self::BackwardEuler => ("backward-euler", 1, Nonlinear, New),
+            Self::Bdf2 => ("bdf2", 2, Linear, Other),
+            Self::W2 => ("w2", 2, Linear, Other),
+            Self::Rodas4 => ("rodas4", 4, LinearExact, Other),
+            Self::ImplicitMidpoint => ("implicit-midpoint", 2, Nonlinear, Mean),
+            Self::Verlet => ("verlet", 2, Explicit, Other),
+            Self::Dop853 => ("dop853", 8, Explicit, Other),
+            Self::ForwardEuler => ("forward-euler", 1, Explicit, Old),
+            Self::SymplecticEuler => ("symplectic-euler", 1, Explicit, New),
+        }
     }
 
     /// The name used on the command line and in files.
     pub const fn name(self) -> &'static str {
-        self.facts().name
+        self.properties().0
     }
 
-    /// Whether steps of a given length are cut where prescribed paths have kinks; other methods take the way between the ends of a step for
+    /// The power of dt with which the error at a fixed time falls on smooth motions.
+    pub const fn order(self) -> u32 {
+        self.properties().1
+    }
+
+    /// The kind of equations in a step.
+    pub const fn equations(self) -> Equations {
+        self.properties().2
+    }
+
+    /// The velocity by which a step moves positions.
+    pub const fn moves_by(self) -> PositionUpdate {
+        self.properties().3
+    }
+
+    /// True if steps of a given length are cut at the kinks of prescribed paths; other methods take the path between the ends of a step as
     /// straight.
     pub const fn cuts_at_kinks(self) -> bool {
         matches!(self, Self::Verlet | Self::Dop853 | Self::Rodas4)
     }
 
-    /// Whether there is an [`adaptive_stepper`](Self::adaptive_stepper): whether steps estimate their own error.
+    /// True if steps estimate their own error, so that there is an [`adaptive_stepper`](Self::adaptive_stepper).
     pub const fn estimates_errors(self) -> bool {
-        self.facts().estimates_errors
+        matches!(self, Self::Bdf2 | Self::W2 | Self::Rodas4 | Self::Dop853)
     }
 
-    /// The power of dt with which the error at a fixed time falls on smooth motions.
-    pub const fn order(self) -> u32 {
-        self.facts().order
-    }
-
-    /// What the equations of a step are.
-    pub const fn equations(self) -> Equations {
-        self.facts().equations
-    }
-
-    /// Whether steps solve linear systems, so that the solver of [`ImplicitOptions`] matters.
+    /// True if steps solve linear systems, so that the solver of [`ImplicitOptions`] matters.
     pub fn is_implicit(self) -> bool {
         self.equations() != Equations::Explicit
     }
 
-    /// Whether the stiffness option of [`ImplicitOptions`] matters.
+    /// True if the stiffness option of [`ImplicitOptions`] matters.
     pub fn takes_stiffness(self) -> bool {
         matches!(self.equations(), Equations::Linear | Equations::Nonlinear)
     }
 
-    /// The velocity by which a step moves positions.
-    pub const fn moves_by(self) -> PositionUpdate {
-        self.facts().moves_by
-    }
-
-    /// The dt of the matrix `A = M/dt² − G/dt − K` with which a step of length `step` begins, both in s; of several
-    /// equal steps the last.
+    /// The dt of the first matrix `A = M/dt² − G/dt − K` in a step of length `step`, both in s; for several equal steps that of the last.
     pub const fn matrix_dt(self, step: f64) -> f64 {
-        self.facts().matrix_part * step
+        match self {
+            Self::Bdf2 => 2.0 / 3.0 * step,
+            Self::W2 => WMethod::GAMMA * step,
+            Self::Rodas4 => Rodas4::GAMMA * step,
+            Self::ImplicitMidpoint => 0.5 * step,
+            _ => step,
+        }
     }
 
     /// A stepper for runs with error control; `None` for a method without an error estimate.
@@ -200,10 +187,11 @@ impl Method {
         })
     }
 
-    /// A stepper that starts from `state`, with default options for what `options` does not hold.
+    /// A stepper that starts from `state`, with default [`NewtonOptions`].
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; a matrix that is too large.
+    /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large; with rodas4 external forces without
+    /// derivatives.
     pub fn stepper<'s>(
         self,
         system: &'s System,
@@ -230,11 +218,13 @@ impl Method {
 #[cfg(test)]
 mod tests {
     use super::Method;
-    use crate::integrate::{ImplicitOptions, WMethod};
+    use crate::integrate::{CompletedStep, ImplicitOptions, Monitor, MonitorOptions, PropagatedError};
     use crate::spring::Spring;
-    use crate::system::{Axes, Constraint, Motion, SystemBuilder};
+    use crate::system::fixtures::row;
+    use crate::system::{Axes, Constraint, Motion, State, SystemBuilder};
     use nalgebra::Vector3;
 
+    /// The dt of the matrices; and methods that solve with the exact matrix, or with none, ignore the stiffness option.
     #[test]
     fn matrices_are_those_of_the_stages() {
         for method in Method::ALL {
@@ -248,23 +238,16 @@ mod tests {
             for step in [0.25, 3.0] {
                 assert!((method.matrix_dt(step) - part * step).abs() < 1e-15, "{}", method.name());
             }
-        }
-        assert!((WMethod::GAMMA - (1.0 - 0.5f64.sqrt())).abs() < 1e-16);
-    }
-
-    /// Methods that solve with the exact matrix, or with none, have no use for a stiffness option.
-    #[test]
-    fn most_implicit_methods_take_a_stiffness_option() {
-        let without = [Method::Rodas4, Method::Verlet, Method::Dop853, Method::ForwardEuler, Method::SymplecticEuler];
-        for method in Method::ALL {
-            assert_eq!(method.takes_stiffness(), !without.contains(&method), "{}", method.name());
+            let ignores =
+                [Method::Rodas4, Method::Verlet, Method::Dop853, Method::ForwardEuler, Method::SymplecticEuler];
+            assert_eq!(method.takes_stiffness(), !ignores.contains(&method), "{}", method.name());
         }
     }
 
-    /// Every stepper goes by its method's name, tells its solver if it has one, counts its work, and is at the end of the step
-    /// when it is done, prescribed particles with it.
+    /// Every stepper has its method's name and, if implicit, a solver; counts its work, and is at the end of the step when it is done,
+    /// prescribed particles included. It refuses states and step lengths that are none, without a panic.
     #[test]
-    fn every_stepper_tells_what_it_is_and_does() {
+    fn every_stepper_has_the_properties_of_its_method() {
         let mut builder = SystemBuilder::new();
         for x in [0.0, 1.0, 2.0] {
             builder.particle([x, 0.0, 0.0], 1.0);
@@ -281,13 +264,38 @@ mod tests {
             assert_eq!(stepper.name(), method.name());
             assert_eq!(stepper.linear_solver().is_some(), method.is_implicit());
             assert_eq!(stepper.statistics().work.force_evaluations, 0);
-            let adaptive = method.adaptive_stepper(&system, &start, &ImplicitOptions::default()).unwrap();
-            assert_eq!(adaptive.map(|stepper| stepper.name()), method.estimates_errors().then_some(method.name()));
+            let mut adaptive = method.adaptive_stepper(&system, &start, &ImplicitOptions::default()).unwrap();
+            let adaptive_name = adaptive.as_ref().map(|stepper| stepper.name());
+            assert_eq!(adaptive_name, method.estimates_errors().then_some(method.name()));
             let mut state = start.clone();
             stepper.step(&mut state, 0.25).unwrap();
             assert!(stepper.statistics().work.force_evaluations > 0, "{}", method.name());
             assert_eq!(state.time, 1.75);
             assert_eq!(state.positions[2], Vector3::new(8.0, 6.0, 6.0), "{}", method.name());
+
+            let (other, foreign) = row(2);
+            assert!(method.stepper(&system, &foreign, &ImplicitOptions::default()).is_err());
+            let mut error = PropagatedError::none(&other);
+            for (before, after) in [(&start, &state), (&start, &foreign), (&foreign, &foreign)] {
+                assert!(!stepper.propagate(&mut error, &CompletedStep { before, after, length: 0.25 }));
+            }
+            let timeless = State { time: f64::NAN, ..start.clone() };
+            for (state, dt) in [(&foreign, 0.25), (&timeless, 0.25), (&start, 0.0), (&start, -1.0), (&start, f64::NAN)]
+            {
+                assert!(stepper.step(&mut state.clone(), dt).is_err(), "{} {dt}", method.name());
+                let mut monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
+                assert!(stepper.step_seen(&mut state.clone(), dt, monitor.springs()).is_err());
+                if let Some(stepper) = &mut adaptive {
+                    assert!(stepper.try_step(state, dt).is_err());
+                }
+            }
+            if let Some(stepper) = &mut adaptive {
+                stepper.accept(&mut foreign.clone());
+                stepper.restart();
+                stepper.try_step(&start, 0.25).unwrap();
+                stepper.accept(&mut foreign.clone());
+                stepper.try_step(&start, 0.25).unwrap();
+            }
         }
     }
 }

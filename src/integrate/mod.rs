@@ -8,21 +8,15 @@ mod bdf2;
 mod dop853;
 mod explicit;
 mod failure;
-mod forcing;
 mod implicit;
 mod implicit_midpoint;
 #[cfg(test)]
 mod kinds_tests;
-#[cfg(test)]
-mod law_tests;
-mod line_search;
-mod linear_backward_euler;
 mod linear_tolerance;
 mod matrices;
 mod method;
 mod monitor;
 mod newton;
-mod newton_matrix;
 #[cfg(test)]
 mod oscillator;
 #[cfg(test)]
@@ -32,15 +26,10 @@ mod regularization;
 mod rodas4;
 mod run;
 mod schedule;
-mod spring_visitor;
-mod statistics;
 #[cfg(test)]
 mod steps_tests;
-mod stiffness_policy;
+mod stiffness;
 mod substeps;
-mod terms;
-#[cfg(test)]
-mod tolerances_tests;
 mod verlet;
 mod w_method;
 
@@ -48,14 +37,13 @@ pub(crate) use adaptive::hermite;
 pub use adaptive::{
     AdaptiveOptions, AdaptiveStepper, ErrorEstimate, OutputTimes, run_adaptive, run_adaptive_monitored,
 };
-pub use backward_euler::BackwardEuler;
+pub use backward_euler::{BackwardEuler, LinearBackwardEuler};
 pub use bdf2::Bdf2;
 pub use dop853::Dop853;
 pub use explicit::{ForwardEuler, SymplecticEuler};
 pub use failure::{NotSolved, Status, StepFailure};
 pub use implicit::ImplicitOptions;
 pub use implicit_midpoint::ImplicitMidpoint;
-pub use linear_backward_euler::LinearBackwardEuler;
 pub use matrices::{Matrices, StepMatrices};
 pub use method::{Equations, Method, PositionUpdate};
 pub use monitor::{
@@ -68,21 +56,25 @@ pub use rodas4::Rodas4;
 pub use run::{Outcome, RunFailure, run, run_monitored};
 pub use schedule::Schedule;
 pub(crate) use schedule::is_end;
-pub(crate) use spring_visitor::SpringVisitor;
-pub use statistics::Statistics;
-pub use stiffness_policy::StiffnessPolicy;
+pub use stiffness::StiffnessPolicy;
+pub(crate) use verlet::SpringVisitor;
 pub use verlet::Verlet;
 pub use w_method::WMethod;
 
+use crate::error::Result;
 use crate::linear::LinearSolver;
-use crate::system::State;
+use crate::memory;
+use crate::system::{State, System};
+use crate::work::Work;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// A method that advances a system's state.
 pub trait TimeStepper {
     /// The method's name on the command line and in files.
     fn name(&self) -> &'static str;
 
-    /// The linear solver really used; `None` for explicit methods.
+    /// The linear solver in use; `None` for explicit methods.
     fn linear_solver(&self) -> Option<&dyn LinearSolver> {
         None
     }
@@ -90,29 +82,116 @@ pub trait TimeStepper {
     /// Advances the state by `dt` seconds.
     ///
     /// # Errors
-    /// Why the step could not be done; the state is then as it was.
+    /// The reason why the step could not be done; the state is then unchanged.
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure>;
 
-    /// As [`step`](Self::step), for a monitor's account of the springs: a method that goes through all springs where the step ends lets it
-    /// see them on the way.
+    /// As [`step`](Self::step), with a monitor's account of the springs, which a method that evaluates all springs at the end of the step
+    /// updates in the same pass.
     ///
     /// # Errors
     /// As of `step`.
     #[doc(hidden)]
-    fn step_seen(&mut self, state: &mut State, dt: f64, _watch: &mut dyn SpringVisitor) -> Result<(), StepFailure> {
+    fn step_seen(&mut self, state: &mut State, dt: f64, _visitor: &mut dyn SpringVisitor) -> Result<(), StepFailure> {
         self.step(state, dt)
     }
 
-    /// Forgets what was kept of the steps before. To be called where the state or its rate has been changed otherwise than by
-    /// steps: by hand, or by a kink of a prescribed path.
+    /// Discards what was remembered of earlier steps. To be called where the state or its rate has been changed by anything but steps: by hand,
+    /// or by a kink of a prescribed path.
     fn restart(&mut self) {}
 
-    /// Propagates the error of a run over the step done or accepted last, and adds the step's own: `e' = Φ e + δ`, see [`PropagatedError`]. Returns
-    /// `false`, and leaves the error as it is, where the method does not know how.
+    /// Propagates the error of a run over the last step done or accepted, and adds the step's own: `e' = Φ e + δ`, see [`PropagatedError`].
+    /// Returns `false`, and leaves the error unchanged, where the method cannot, or the error or step is one of another system.
     fn propagate(&mut self, _error: &mut PropagatedError, _step: &CompletedStep<'_>) -> bool {
         false
     }
 
-    /// What has been done since the stepper was made.
+    /// Work and quality of all steps so far.
     fn statistics(&self) -> &Statistics;
+}
+
+/// Work and quality of the steps done so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Statistics {
+    /// Counters of work.
+    pub work: Work,
+    /// The largest `‖b − A x‖/‖b‖` of all accepted solves, recomputed from the solutions. For nonlinear methods the
+    /// residual force of the equations over the forces that balance in it, after their last iteration.
+    pub max_relative_residual: f64,
+    /// The largest relative residual that conjugate gradients were allowed to leave; zero where none ran.
+    #[serde(default)]
+    pub max_tolerance: f64,
+    /// Solves of the on-demand policy in which A was indefinite and transverse terms were dropped.
+    pub softened_solves: u64,
+    /// Transverse terms dropped in these solves, all together.
+    pub dropped_terms: u64,
+    /// Steps of runs with error control that were tried and not taken.
+    pub rejected_steps: u64,
+    /// Accepted solves with an indefinite A (LDLᵀ under the full stiffness): such a step need not be meaningful.
+    pub indefinite_solves: u64,
+}
+
+impl Statistics {
+    /// Adds those of an earlier part of the same run.
+    pub fn add(&mut self, other: &Self) {
+        self.work.add(&other.work);
+        self.record_residual(other.max_relative_residual);
+        self.max_tolerance = self.max_tolerance.max(other.max_tolerance);
+        self.softened_solves += other.softened_solves;
+        self.dropped_terms += other.dropped_terms;
+        self.rejected_steps += other.rejected_steps;
+        self.indefinite_solves += other.indefinite_solves;
+    }
+
+    fn record_residual(&mut self, relative_residual: f64) {
+        self.max_relative_residual = self.max_relative_residual.max(relative_residual);
+    }
+}
+
+/// Refuses a state of another system, and a method that holds so many bytes for each spring and each particle where there is no room for them.
+fn check_room(system: &System, state: &State, bytes: [u64; 2]) -> Result<()> {
+    state.check(system)?;
+    ensure_room(system, bytes, "the state of the method")
+}
+
+fn ensure_room(system: &System, [spring, particle]: [u64; 2], what: &'static str) -> Result<()> {
+    let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
+    memory::ensure(spring * springs + particle * particles, what)
+}
+
+/// True if an error and a step have a row for every particle of a system.
+fn fits(system: &System, error: &PropagatedError, step: &CompletedStep) -> bool {
+    error.fits(system) && step.before.check(system).is_ok() && step.after.check(system).is_ok()
+}
+
+/// Zeros the prescribed components of full-length vectors.
+fn zero_prescribed(system: &System, vectors: &mut [Vector3<f64>]) {
+    for (dof, ..) in system.prescribed().iter() {
+        vectors[dof.particle][dof.axis] = 0.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Statistics;
+    use crate::work::Work;
+
+    /// Counters are added, and the larger of two maxima is kept.
+    #[test]
+    fn statistics_of_parts_are_added() {
+        let of = |number: u64| Statistics {
+            work: Work { solves: number, ..Work::default() },
+            max_relative_residual: 1e-3 * number as f64,
+            max_tolerance: 1e-2 * number as f64,
+            softened_solves: 2 * number,
+            dropped_terms: 3 * number,
+            rejected_steps: 4 * number,
+            indefinite_solves: 5 * number,
+        };
+        let (mut sum, mut other) = (of(3), of(4));
+        sum.add(&of(4));
+        other.add(&of(3));
+        assert_eq!(sum, Statistics { max_relative_residual: 4e-3, max_tolerance: 4e-2, ..of(7) });
+        assert_eq!(sum, other);
+    }
 }

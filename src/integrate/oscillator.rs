@@ -9,7 +9,7 @@ use crate::spring::Spring;
 use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
 use nalgebra::{Complex, Vector3};
 
-/// Of the particle, in kg, of the spring k/l0, in N/m, and l0, in m; along x, in m/s².
+/// m, in kg; k/l0, in N/m; l0, in m; gravity along x, in m/s².
 const MASS: f64 = 2.0;
 const STIFFNESS: f64 = 12.0;
 const REST_LENGTH: f64 = 0.5;
@@ -18,7 +18,7 @@ const GRAVITY: f64 = 0.9;
 /// When the path has kinks, and where it is then.
 const PATH: [(f64, f64); 4] = [(0.0, 0.0), (1.0, 0.5), (2.0, 0.2), (3.0, 1.0)];
 
-/// Which way it swings.
+/// The direction in which it swings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Way {
     Along,
@@ -69,7 +69,7 @@ impl Oscillator {
         Self { system, start, lambda: Complex::new(-rate, omega), way }
     }
 
-    /// How far a state is off its place, seen from the particle that is led, and how fast it goes.
+    /// The displacement from equilibrium and the velocity, relative to the led particle.
     pub fn seen(&self, state: &State) -> [f64; 2] {
         let mut there = State { time: state.time, ..self.start.clone() };
         there.prescribe(&self.system);
@@ -91,7 +91,7 @@ impl Oscillator {
         [amplitude.re, (self.lambda * amplitude).re]
     }
 
-    /// Whether a state is where and as fast as a multiple of the amplitude at the start is.
+    /// A state has a multiple of the amplitude at the start.
     pub fn is_at(&self, state: &State, multiple: Complex<f64>, tolerance: f64) -> bool {
         let (found, expected) = (self.seen(state), self.motion(self.amplitude(&self.start) * multiple));
         let size = self.amplitude(&self.start).norm();

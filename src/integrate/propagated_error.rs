@@ -6,25 +6,23 @@
 //! e_n = Φ_n e_{n−1} + δ_n.
 //! ```
 //!
-//! Truncation, its cancellation, and magnification by a motion that folds, topples or is chaotic all come out of this one sum. (Skeel, Thirteen
-//! ways to estimate global error, Numer. Math. 48, 1986: the linearised error equation.)
+//! the linearised error equation (Skeel, Thirteen ways to estimate global error, Numer. Math. 48, 1986). It holds truncation, its
+//! cancellation, and magnification by a motion that folds, topples or is chaotic.
 //!
-//! **δ** of methods without an embedded estimate follows from differences of the velocities. With the mean acceleration ā = (v' − v)/h of a
-//! step, its first divided difference j (jerk) and its second s (snap),
+//! **δ** of methods without an embedded estimate follows from differences of the velocities. With the mean acceleration
+//! ā = (v' − v)/h of a step, its first divided difference j (jerk) and its second s (snap),
 //!
 //! ```text
 //! δ_x = α h² ā + β h³ j,      δ_v = α' h² j + β' h³ s,
 //! ```
 //!
-//! and a method has the coefficients [`LeadingTerm`] of its truncation error. Differences that the first steps do not know yet are made up for
-//! when they are known first.
+//! with the coefficients [`LeadingTerm`] of the method's truncation error. The first jerk counts twice, for the step before too.
 //!
-//! **Φ** of implicit methods is a polynomial in the resolvent `w = (1 − τJ)⁻¹` of the matrix at hand, J being the Jacobian of the motion: one solve
-//! each, see [`LinearSystem::resolve`](super::implicit::LinearSystem::resolve). Of explicit methods it is the difference quotient of the step
-//! itself, from a state displaced by ε e: one more force evaluation for each of the step's.
+//! **Φ** of implicit methods is a polynomial in the resolvent `w = (1 − τJ)⁻¹` of the matrix at hand, J the Jacobian of the motion:
+//! one solve each, see [`LinearSystem::resolve`](super::implicit::LinearSystem::resolve). For explicit methods it is the difference
+//! quotient of the step itself, from a state displaced by ε e: one more force evaluation for each of the step's.
 //!
-//! **Saturation.** Two motions differ by no more than their size: beyond twice the extent of the scene e grows no further, and its linear
-//! equation says nothing any more.
+//! **Saturation.** Two motions differ by no more than their size: beyond twice the extent of the scene e grows no further.
 
 use super::adaptive::norm_of_all;
 use crate::force::SpringGeometry;
@@ -32,8 +30,8 @@ use crate::system::{Axes, State, System};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// The leading term of a method's local error, numerical minus exact: coefficients of `h² ā` and `h³ j` in the positions, and of `h² j` and `h³ s`
-/// in the velocities.
+/// The leading term of a method's local error, numerical minus exact: coefficients of `h² ā` and `h³ j` in the positions, and of
+/// `h² j` and `h³ s` in the velocities.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct LeadingTerm {
     pub positions: [f64; 2],
@@ -58,7 +56,7 @@ impl LeadingTerm {
     }
 }
 
-/// A step that has been done.
+/// A completed step.
 #[derive(Debug, Clone, Copy)]
 pub struct CompletedStep<'a> {
     /// The state at its start.
@@ -69,14 +67,14 @@ pub struct CompletedStep<'a> {
     pub length: f64,
 }
 
-/// The part of the extent by which difference quotients displace a state: about the root of the unit roundoff, so that rounding and curvature
-/// both leave six digits or more.
+/// The displacement of difference quotients, relative to the extent: about the root of the unit roundoff, so that rounding and
+/// curvature both leave six digits or more.
 const DISPLACEMENT: f64 = 1e-7;
 
-/// Extents beyond which an error grows no further.
+/// The largest error in extents.
 const SATURATED: f64 = 2.0;
 
-/// The error of a run's positions, in m, and velocities, in m/s, as an estimate; see the module.
+/// The estimated error of a run's positions, in m, and velocities, in m/s; see the module.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PropagatedError {
@@ -84,10 +82,10 @@ pub struct PropagatedError {
     pub(super) positions: Vec<Vector3<f64>>,
     #[serde(with = "rows")]
     pub(super) velocities: Vec<Vector3<f64>>,
-    /// The rate at which the errors of velocities change, where the step knows it: of Verlet's method.
+    /// The rate at which the errors of velocities change, for Verlet's method.
     #[serde(with = "rows")]
     pub(super) accelerations: Vec<Vector3<f64>>,
-    /// e one step earlier, of a method of two steps.
+    /// e one step earlier, for a method of two steps.
     #[serde(with = "rows")]
     pub(super) positions_before: Vec<Vector3<f64>>,
     #[serde(with = "rows")]
@@ -105,7 +103,7 @@ pub struct PropagatedError {
     lengths: [f64; 2],
     /// `Σ ‖δ_x‖`, in m.
     sum: f64,
-    /// `Σ ‖M ā − F(x', v')‖` and `Σ ‖M ā‖`, in N: what a linearised step left out of what it balanced.
+    /// `Σ ‖M ā − F(x', v')‖` and `Σ ‖M ā‖` over linearised steps, in N: forces left out, and forces balanced.
     left_out: f64,
     balanced: f64,
     /// The extent of the scene, in m.
@@ -148,13 +146,9 @@ impl PropagatedError {
         }
     }
 
-    /// Whether it belongs to a system with as many particles.
+    /// It belongs to a system with as many particles.
     pub(super) fn fits(&self, system: &System) -> bool {
-        self.lists().into_iter().all(|list| list.len() == system.particles())
-    }
-
-    fn lists(&self) -> [&Vec<Vector3<f64>>; 9] {
-        [
+        let lists = [
             &self.positions,
             &self.velocities,
             &self.accelerations,
@@ -164,22 +158,24 @@ impl PropagatedError {
             &self.local_velocities,
             &self.mean_acceleration,
             &self.jerk,
-        ]
+        ];
+        lists.into_iter().all(|list| list.len() == system.particles())
     }
 
-    /// ‖e_x‖ over all particles, in m: the estimate of the error of the positions. It is no less than the plain sum of local errors, times √λ, where a
-    /// linearised step leaves out λ > 0 times what it balances: transverse stiffness that brakes a motion brakes its error too.
+    /// ‖e_x‖ over all particles, in m: the estimated error of the positions. For a linearised step that leaves out λ > 0 times the
+    /// forces that it balances, no less than √λ times the sum of local errors: transverse stiffness that brakes a motion brakes
+    /// its error too.
     pub fn norm(&self, system: &System) -> f64 {
         let propagated = norm_of_all(system, &self.positions);
         if self.balanced == 0.0 { propagated } else { propagated.max(self.sum * self.left_out().sqrt().max(1.0)) }
     }
 
-    /// `Σ ‖δ_x‖` over the steps, in m: what local errors add up to where the motion neither magnifies nor damps them and none cancels.
+    /// `Σ ‖δ_x‖` over the steps, in m.
     pub fn sum_of_local_errors(&self) -> f64 {
         self.sum
     }
 
-    /// λ: what linearised steps left out over what they balanced; zero for methods that solve their equations.
+    /// λ, the forces that linearised steps left out over those that they balanced; zero for methods that solve their equations.
     pub fn left_out(&self) -> f64 {
         if self.balanced > 0.0 { self.left_out / self.balanced } else { 0.0 }
     }
@@ -188,10 +184,9 @@ impl PropagatedError {
     pub(super) fn set_local(&mut self, system: &System, step: &CompletedStep, term: LeadingTerm) {
         let h = step.length;
         let [last, before_last] = self.lengths;
-        // The first jerk stands for that of the step before, too.
         let first = if before_last > 0.0 { 1.0 } else { 2.0 };
-        let inverse = 1.0 / h;
         let [x_a, x_j] = [term.positions[0] * h * h, term.positions[1] * h * h * h * first];
+        let inverse = 1.0 / h;
         let [v_j, v_s] = [term.velocities[0] * h * h * first, term.velocities[1] * h * h * h];
         for p in 0..self.positions.len() {
             let free = system.dofs().free_axes(p);
@@ -215,8 +210,9 @@ impl PropagatedError {
         self.sum += norm_of_all(system, &self.local_positions);
     }
 
-    /// Adds to δ the velocity that a method takes from springs that turn: with `v⊥` across a spring a step of straight motion ends longer by
-    /// `L = (h v⊥)²/(2 l)`, and `c κ L²` of the energy `½ μ v⊥²` across is lost, κ = k/l0 and μ the reduced mass of its ends.
+    /// Adds to δ the velocity that a method takes from springs that rotate: with `v⊥` across a spring a step of straight motion ends
+    /// longer by `L = (h v⊥)²/(2 l)`, and `c κ L²` of the energy `½ μ v⊥²` across is lost, κ = k/l0 and μ the reduced mass of its
+    /// ends.
     pub(super) fn add_braking(&mut self, system: &System, extensions: &SpringGeometry, step: &CompletedStep, c: f64) {
         let weight = |p: usize| if system.dofs().free_axes(p) == Axes::NONE { 0.0 } else { 1.0 / system.masses()[p] };
         for ((_, [i, j], spring), at) in extensions.springs(system) {
@@ -237,7 +233,7 @@ impl PropagatedError {
         }
     }
 
-    /// Sets δ to an estimate of the method's own, scaled.
+    /// Sets δ to the method's own estimate, scaled.
     pub(super) fn set_local_to(&mut self, system: &System, scale: f64, [x, v]: [&[Vector3<f64>]; 2]) {
         for p in 0..self.positions.len() {
             let free = system.dofs().free_axes(p);
@@ -247,7 +243,7 @@ impl PropagatedError {
         self.sum += norm_of_all(system, &self.local_positions);
     }
 
-    /// Enters what a linearised step left out, in N, and what it balanced.
+    /// Enters the forces that a linearised step left out and balanced, in N.
     pub(super) fn leave_out(&mut self, left_out: f64, balanced: f64) {
         self.left_out += left_out;
         self.balanced += balanced;
@@ -256,9 +252,8 @@ impl PropagatedError {
     /// `e += δ`.
     pub(super) fn add_local(&mut self) {
         let positions = self.positions.iter_mut().zip(&self.local_positions);
-        positions.for_each(|(e, local)| *e += local);
         let velocities = self.velocities.iter_mut().zip(&self.local_velocities);
-        velocities.for_each(|(e, local)| *e += local);
+        positions.chain(velocities).for_each(|(e, local)| *e += local);
     }
 
     /// `e ← s e`.
@@ -266,21 +261,20 @@ impl PropagatedError {
         self.positions.iter_mut().chain(&mut self.velocities).for_each(|e| *e *= s);
     }
 
-    /// Keeps e for [`add_kept`](Self::add_kept).
+    /// Saves e for [`add_kept`](Self::add_kept).
     pub(super) fn keep(&mut self) {
         self.positions_before.copy_from_slice(&self.positions);
         self.velocities_before.copy_from_slice(&self.velocities);
     }
 
-    /// `e += s e_kept`.
+    /// `e += s e_saved`.
     pub(super) fn add_kept(&mut self, s: f64) {
         let positions = self.positions.iter_mut().zip(&self.positions_before);
-        positions.for_each(|(e, kept)| *e += kept * s);
         let velocities = self.velocities.iter_mut().zip(&self.velocities_before);
-        velocities.for_each(|(e, kept)| *e += kept * s);
+        positions.chain(velocities).for_each(|(e, saved)| *e += saved * s);
     }
 
-    /// `e ← e + β (e − e₋)`, and e₋ becomes what e was.
+    /// `e₋, e ← e, e + β (e − e₋)`.
     pub(super) fn extrapolate(&mut self, beta: f64) {
         let positions = self.positions.iter_mut().zip(&mut self.positions_before);
         let velocities = self.velocities.iter_mut().zip(&mut self.velocities_before);
@@ -291,8 +285,8 @@ impl PropagatedError {
         }
     }
 
-    /// Sets `to` to a state displaced by ε e; returns ε, which is zero where there is no error. `h` is the time in which an error of velocities
-    /// is one of positions, in s.
+    /// Sets `to` to a state displaced by ε e; returns ε, which is zero where there is no error. `h` is the time in s by which errors
+    /// of velocities are weighted.
     pub(super) fn displace(&self, system: &System, from: &State, h: f64, to: &mut State) -> f64 {
         let size = norm_of_all(system, &self.positions) + h * norm_of_all(system, &self.velocities);
         if size == 0.0 || !size.is_finite() {
@@ -331,7 +325,7 @@ impl PropagatedError {
         }
     }
 
-    /// Keeps e no larger than the motion, in a scene of so many metres. What is no number becomes the largest error that there is.
+    /// Limits e to the size of the motion, in a scene of so many metres. An error that is not finite becomes the largest.
     pub(super) fn saturate(&mut self, system: &System, extent: f64) {
         self.extent = extent;
         let size = norm_of_all(system, &self.positions);
@@ -357,7 +351,7 @@ impl PropagatedError {
     }
 }
 
-/// Its components along some of the axes.
+/// The components of a vector along some of the axes.
 #[inline(always)]
 pub(super) fn on_axes(vector: Vector3<f64>, axes: Axes) -> Vector3<f64> {
     if axes == Axes::ALL {
@@ -369,7 +363,7 @@ pub(super) fn on_axes(vector: Vector3<f64>, axes: Axes) -> Vector3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::integrate::{ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, run_monitored};
+    use crate::integrate::{ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, TimeStepper, run_monitored};
     use crate::linear::{PreconditionerKind, SolverChoice};
     use crate::spring::Spring;
     use crate::system::SystemBuilder;
@@ -386,15 +380,25 @@ mod tests {
         builder.build().unwrap()
     }
 
-    /// The end of a run and its propagated error of the second particle along x.
-    fn run(scene: &(System, State), method: Method, dt: f64, duration: f64) -> (f64, f64) {
-        let (system, start) = scene;
+    /// The end of a run, with its monitor.
+    fn end<'s>(
+        (system, start): &'s (System, State),
+        stepper: &mut dyn TimeStepper,
+        options: MonitorOptions,
+        [dt, duration]: [f64; 2],
+    ) -> (State, Monitor<'s>) {
         let mut state = start.clone();
-        let mut monitor = Monitor::new(system, &state, MonitorOptions::default()).unwrap();
-        let mut stepper = method.stepper(system, &state, &ImplicitOptions::default()).unwrap();
+        let mut monitor = Monitor::new(system, &state, options).unwrap();
         let schedule = Schedule::duration(dt, duration);
         let go_on = |_, _: &State, _: &Monitor| ControlFlow::Continue(());
-        assert!(run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, go_on).end.is_ok());
+        assert!(run_monitored(stepper, &mut state, &schedule, &mut monitor, go_on).end.is_ok());
+        (state, monitor)
+    }
+
+    /// The end of a run and its propagated error of the second particle along x.
+    fn run(scene: &(System, State), method: Method, dt: f64, duration: f64) -> (f64, f64) {
+        let mut stepper = method.stepper(&scene.0, &scene.1, &ImplicitOptions::default()).unwrap();
+        let (state, monitor) = end(scene, &mut *stepper, MonitorOptions::default(), [dt, duration]);
         (state.positions[1].x, monitor.error().unwrap().positions[1].x)
     }
 
@@ -441,14 +445,10 @@ mod tests {
         builder.particle([1e-4, 1.0, 0.0], 1.0);
         builder.spring(0, 1, Spring { stiffness: 2e3, rest_length: 1.0, damping: 0.0 });
         builder.hold(0);
-        let (system, start) = builder.build().unwrap();
+        let scene = builder.build().unwrap();
         let end = |dt: f64| {
-            let mut state = start.clone();
-            let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
-            let mut stepper = Method::Verlet.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
-            let go_on = |_, _: &State, _: &Monitor| ControlFlow::Continue(());
-            let schedule = Schedule::duration(dt, 2.5);
-            assert!(run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, go_on).end.is_ok());
+            let mut stepper = Method::Verlet.stepper(&scene.0, &scene.1, &ImplicitOptions::default()).unwrap();
+            let (state, monitor) = end(&scene, &mut *stepper, MonitorOptions::default(), [dt, 2.5]);
             (state.positions[1], monitor.indicators(&state))
         };
         let ((coarse, indicators), (fine, _)) = (end(0.01), end(0.01 / 64.0));
@@ -476,10 +476,10 @@ mod tests {
         builder.build().unwrap()
     }
 
-    /// What is known of the error changes no bit of the motion, whatever a solver keeps from one solve to the next.
+    /// The propagated error changes no bit of the motion, whatever state a solver has.
     #[test]
     fn the_motion_does_not_depend_on_the_estimate() {
-        let (system, start) = tangle();
+        let scene = tangle();
         let every = |preconditioner| (SolverChoice::Cg, preconditioner);
         let solvers = PreconditionerKind::ALL.into_iter().map(every).chain([
             (SolverChoice::Auto, PreconditionerKind::BlockJacobi),
@@ -490,12 +490,8 @@ mod tests {
             let options = ImplicitOptions::default().with_linear(linear);
             for method in Method::ALL {
                 let end = |monitored: MonitorOptions| {
-                    let mut state = start.clone();
-                    let mut monitor = Monitor::new(&system, &state, monitored).unwrap();
-                    let mut stepper = method.stepper(&system, &state, &options).unwrap();
-                    let schedule = Schedule::duration(0.01, 0.1);
-                    let go_on = |_, _: &State, _: &Monitor| ControlFlow::Continue(());
-                    assert!(run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, go_on).end.is_ok());
+                    let mut stepper = method.stepper(&scene.0, &scene.1, &options).unwrap();
+                    let (state, monitor) = end(&scene, &mut *stepper, monitored, [0.01, 0.1]);
                     assert_eq!(monitor.error().is_some(), monitored.threshold.is_some());
                     state
                 };

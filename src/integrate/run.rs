@@ -1,27 +1,26 @@
 //! The run loop: step after step until the end, a failure, or a request to stop.
 
-use super::schedule::Step;
 use super::{Monitor, Schedule, Status, StepFailure, TimeStepper};
 use crate::system::State;
 use std::ops::ControlFlow;
 
-/// How a run ended. The state is the last good one.
+/// The end of a run. The state is the last good one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
     /// Steps done.
     pub steps: u64,
-    /// What ended it early.
+    /// The end: `Break` where the observer asked for it.
     pub end: Result<ControlFlow<()>, RunFailure>,
 }
 
-/// A step that could not be done.
+/// A step that failed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunFailure {
     /// Its number, from 1.
     pub step: u64,
     /// The time at its start, in s.
     pub time: f64,
-    /// Why.
+    /// The reason.
     pub failure: StepFailure,
 }
 
@@ -35,8 +34,8 @@ impl Outcome {
         }
     }
 
-    /// Of a run that a step ended after `steps` good ones. Where energy was growing that is the cause, whatever ended it, and
-    /// the state becomes one from before.
+    /// A run that a step ended after `steps` good ones. Where energy was growing, growth is the cause, and the state becomes one
+    /// from before.
     pub(super) fn failed(
         step: u64,
         time: f64,
@@ -72,7 +71,7 @@ impl Outcome {
 /// let (system, mut state) = builder.build()?;
 /// let mut stepper = Method::Bdf2.stepper(&system, &state, &ImplicitOptions::default())?;
 /// let outcome = run(&mut *stepper, &mut state, &Schedule::duration(0.01, 1.0), |_, state| {
-///     // Whoever sees the states may end the run.
+///     // The observer may end the run.
 ///     if state.positions[1].x < 2.5 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
 /// });
 /// assert_eq!(outcome.status().name(), "interrupted");
@@ -85,12 +84,11 @@ pub fn run(
     schedule: &Schedule,
     mut observe: impl FnMut(u64, &State) -> ControlFlow<()>,
 ) -> Outcome {
-    let steps = scheduled(state, schedule);
-    drive(stepper, state, schedule.first(), steps, None, |steps, state, _| observe(steps, state))
+    drive(stepper, state, schedule, None, |steps, state, _| observe(steps, state))
 }
 
 /// As [`run`], with a monitor that enters every step before `observe` sees it, and ends the run when energy appears from
-/// nowhere: the state is then one from before that, as it is when a step fails while energy grows.
+/// nowhere: the state is then one from before that.
 ///
 /// # Examples
 /// ```
@@ -121,33 +119,23 @@ pub fn run_monitored(
     monitor: &mut Monitor,
     mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
 ) -> Outcome {
-    let steps = scheduled(state, schedule);
-    drive(stepper, state, schedule.first(), steps, Some(monitor), |steps, state, monitor| {
+    drive(stepper, state, schedule, Some(monitor), |steps, state, monitor| {
         monitor.map_or(ControlFlow::Continue(()), |monitor| observe(steps, state, monitor))
-    })
-}
-
-fn scheduled(state: &State, schedule: &Schedule) -> impl Iterator<Item = Step> + use<> {
-    let schedule = *schedule;
-    // Of a part of a schedule the time at which the whole began: exactly, for what was added is taken off.
-    let start = state.time - schedule.elapsed(schedule.first());
-    (schedule.first()..).map_while(move |number| {
-        let dt = schedule.step(number)?;
-        Some(Step { dt, end: start + schedule.elapsed(number + 1), ends_at_kink: false })
     })
 }
 
 fn drive(
     stepper: &mut dyn TimeStepper,
     state: &mut State,
-    first: u64,
-    lengths: impl Iterator<Item = Step>,
+    schedule: &Schedule,
     mut monitor: Option<&mut Monitor>,
     mut observe: impl FnMut(u64, &State, Option<&Monitor>) -> ControlFlow<()>,
 ) -> Outcome {
-    let (mut steps, mut lengths) = (first, lengths.peekable());
-    while let Some(Step { dt, end, ends_at_kink }) = lengths.next() {
-        let (before, number) = (state.time, steps + 1);
+    let mut steps = schedule.first();
+    // The time at which the whole schedule began, of which this may be a later part.
+    let start = state.time - schedule.elapsed(steps);
+    while let Some(dt) = schedule.step(steps) {
+        let before = state.time;
         if let Some(monitor) = &mut monitor {
             monitor.begin_step(state);
         }
@@ -158,9 +146,10 @@ fn drive(
         if done.as_ref().is_err_and(|failure| failure.status() == Status::Interrupted) {
             return Outcome { steps, end: Ok(ControlFlow::Break(())) };
         }
+        let number = steps + 1;
         if done.is_ok() {
-            steps += 1;
-            state.time = end;
+            steps = number;
+            state.time = start + schedule.elapsed(steps);
             if let Some(monitor) = &mut monitor {
                 monitor.propagate(stepper, state, dt);
                 done = monitor.enter(steps, state, dt);
@@ -169,10 +158,7 @@ fn drive(
         if let Err(failure) = done {
             return Outcome::failed(number, before, failure, steps, state, monitor);
         }
-        if ends_at_kink {
-            stepper.restart();
-        }
-        if observe(steps, state, monitor.as_deref()).is_break() && lengths.peek().is_some() {
+        if observe(steps, state, monitor.as_deref()).is_break() && schedule.step(steps).is_some() {
             return Outcome { steps, end: Ok(ControlFlow::Break(())) };
         }
     }
@@ -183,15 +169,19 @@ fn drive(
 mod tests {
     use super::run;
     use crate::integrate::{ImplicitOptions, Method, Schedule, Status};
-    use crate::system::SystemBuilder;
+    use crate::system::{State, System, SystemBuilder};
     use std::ops::ControlFlow;
+
+    fn particle() -> (System, State) {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.build().unwrap()
+    }
 
     /// A request to stop ends the run, unless that was at its end anyway.
     #[test]
     fn observers_may_end_runs() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        let (system, start) = builder.build().unwrap();
+        let (system, start) = particle();
         for (stop, steps, status) in [(2, 2, Status::Interrupted), (4, 4, Status::Completed), (9, 4, Status::Completed)]
         {
             let mut state = start.clone();
@@ -206,9 +196,7 @@ mod tests {
     /// A part of a schedule goes on at its time, and by the times of the whole.
     #[test]
     fn parts_of_runs_go_on_at_their_time() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        let (system, mut state) = builder.build().unwrap();
+        let (system, mut state) = particle();
         state.time = 7.5;
         let mut stepper = Method::ForwardEuler.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
         let mut times = Vec::new();

@@ -1,4 +1,4 @@
-//! When a run ends, and how long each step is.
+//! The length of a run and of its steps.
 
 use crate::error::Invalid;
 
@@ -22,30 +22,18 @@ pub struct Schedule {
     /// A shorter last step, when dt does not divide the duration.
     remainder: Option<f64>,
     duration: f64,
-    /// The steps of it to do: from the one after so many up to so many.
+    /// The steps done before and at the end of this part.
     first: u64,
     last: u64,
 }
 
-/// How near to a whole number `duration/dt` must be, relatively, for dt to divide the duration.
+/// The relative distance of `duration/dt` from a whole number up to which dt divides the duration.
 const DIVIDES: f64 = 1e-9;
 
-/// The most steps of a run: more than can be done in a lifetime, and the most that a double counts one by one, so that the time
-/// after so many steps is still a product without gaps.
+/// The most steps of a run, 2⁵³: as many as a double counts one by one.
 const MOST_STEPS: f64 = 9_007_199_254_740_992.0;
 
-/// A step of a run.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Step {
-    /// Its length, in s.
-    pub dt: f64,
-    /// When it ends, in s.
-    pub end: f64,
-    /// Whether a prescribed path has a kink there: what the method knows of earlier steps says nothing about later ones.
-    pub ends_at_kink: bool,
-}
-
-/// Whether a time is the end of a run, from its start to its end, up to what rounding makes of times and of a step that divides it.
+/// A time is the end of a run, given by its start and end, up to the rounding of times and of a step that divides it.
 pub(crate) fn is_end(time: f64, [start, end]: [f64; 2]) -> bool {
     end - time <= DIVIDES * (end - start) + 4.0 * f64::EPSILON * end.abs()
 }
@@ -56,8 +44,8 @@ impl Schedule {
         Self::whole(dt, steps, None, steps as f64 * dt)
     }
 
-    /// Ends exactly at `duration` ≥ 0: the last step is shorter where dt > 0 does not divide it. What is no schedule, see
-    /// [`check`](Self::check), has the most steps there are, or none.
+    /// Ends exactly at `duration` ≥ 0: the last step is shorter where dt > 0 does not divide it. Arguments that
+    /// [`check`](Self::check) refuses make a schedule of very many steps, or of none.
     pub fn duration(dt: f64, duration: f64) -> Self {
         let ratio = duration / dt;
         let nearest = ratio.round();
@@ -82,7 +70,7 @@ impl Schedule {
         Self { first, last: self.last.min(first.saturating_add(count)), ..*self }
     }
 
-    /// Length of the whole of which it is a part, in s.
+    /// Length of the whole schedule of which this is a part, in s.
     pub fn duration_of_whole(&self) -> f64 {
         self.duration
     }
@@ -92,11 +80,10 @@ impl Schedule {
         self.first
     }
 
-    /// Makes sure that steps of dt seconds end at `duration` and can be counted.
+    /// Checks that steps of dt seconds end at `duration` and can be counted.
     ///
     /// # Errors
-    /// A dt that is not positive, a duration that is negative, either not finite; more than 2⁵³ steps, with which the run would
-    /// never end.
+    /// A dt that is not positive, a duration that is negative, either not finite; more than 2⁵³ steps.
     pub fn check(dt: f64, duration: f64) -> Result<(), Invalid> {
         if !(dt.is_finite() && dt > 0.0) {
             return Err(Invalid::new("dt", format!("{dt:e}"), "must be finite and positive"));
@@ -116,7 +103,7 @@ impl Schedule {
         self.last
     }
 
-    /// Whether there is nothing to do.
+    /// There is no step.
     pub fn is_empty(&self) -> bool {
         self.first >= self.last
     }
@@ -126,7 +113,7 @@ impl Schedule {
         self.dt
     }
 
-    /// Whether its last step is as long as all others and ends, to the bit, when that of a longer schedule does.
+    /// The last step is as long as all others and ends, to the bit, when that of a longer schedule does.
     pub fn ends_with_whole_step(&self) -> bool {
         self.remainder.is_none() && self.duration == self.whole_steps as f64 * self.dt
     }
@@ -141,7 +128,7 @@ impl Schedule {
         }
     }
 
-    /// Time since the start after `done` steps: no sum of rounding errors, and the duration itself at the end.
+    /// Time since the start after `done` steps: a product, and the duration itself at the end.
     pub fn elapsed(&self, done: u64) -> f64 {
         let whole = self.whole_steps + u64::from(self.remainder.is_some());
         if done >= whole { self.duration } else { done as f64 * self.dt }
@@ -152,7 +139,7 @@ impl Schedule {
 mod tests {
     use super::{DIVIDES, Schedule, is_end};
 
-    /// Within a part of the run and four units in the last place of its end, which decide where runs are short beside their times.
+    /// Within a part of the run and four units in the last place of its end.
     #[test]
     fn a_run_ends_up_to_rounding() {
         for (left, run, expected) in [
@@ -167,19 +154,11 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_do_is_empty() {
-        assert!(Schedule::steps(0.1, 0).is_empty() && Schedule::duration(0.1, 0.0).is_empty());
-        assert!(!Schedule::steps(0.1, 1).is_empty() && !Schedule::duration(0.1, 0.05).is_empty());
-    }
-
-    /// What rounding does to the quotient grows with it, so the bound is relative.
-    #[test]
     fn steps_divide_a_duration_up_to_rounding() {
         assert_eq!(Schedule::duration(1.0, 1e6 + 0.9e-3).len(), 1_000_000);
         assert_eq!(Schedule::duration(1.0, 1e6 + 1.1e-3).len(), 1_000_001);
     }
 
-    /// Two steps and what is left; the whole keeps its length in its parts.
     #[test]
     fn the_last_step_is_what_is_left() {
         let schedule = Schedule::duration(0.25, 0.625);
@@ -214,7 +193,6 @@ mod tests {
         }
     }
 
-    /// What would take for ever, or is no number at all, is refused with its value, and ends where it is not.
     #[test]
     fn steps_that_cannot_be_counted_are_refused() {
         for (dt, duration, value) in [
@@ -232,6 +210,14 @@ mod tests {
         for (dt, duration) in [(1.0, 9_007_199_254_740_991.0), (1.0, 0.0), (1.0, 1e-300)] {
             assert_eq!(Schedule::check(dt, duration), Ok(()));
         }
-        assert!(Schedule::duration(0.0, 0.0).is_empty());
+        for (empty, expected) in [
+            (Schedule::duration(0.0, 0.0), true),
+            (Schedule::steps(0.1, 0), true),
+            (Schedule::duration(0.1, 0.0), true),
+            (Schedule::steps(0.1, 1), false),
+            (Schedule::duration(0.1, 0.05), false),
+        ] {
+            assert_eq!(empty.is_empty(), expected, "{empty:?}");
+        }
     }
 }

@@ -1,7 +1,10 @@
 //! One step of every method against its formula, worked out for an oscillator.
 
 use super::oscillator::{Oscillator, Way};
-use super::{AdaptiveStepper, Bdf2, ImplicitOptions, Method, StepMatrices, TimeStepper, WMethod};
+use super::{
+    AdaptiveStepper, Bdf2, ImplicitOptions, LinearBackwardEuler, Method, Rodas4, StepMatrices, TimeStepper, WMethod,
+};
+use crate::linear::{SolverChoice, SolverOptions};
 use crate::spring::Stiffness;
 use crate::system::{ExternalForce, State, StateView, SystemBuilder};
 use nalgebra::{Complex, DMatrix, Vector3};
@@ -21,7 +24,7 @@ fn stability(method: Method, z: Complex<f64>) -> Complex<f64> {
     }
 }
 
-/// A step of 0.6 s from 1.25 s on, between two kinks. What the state says of the velocity of the led particle is another matter.
+/// A step of 0.6 s from 1.25 s on, between two kinks. The velocity of the prescribed particle in the state does not matter.
 #[test]
 fn steps_are_those_of_the_stability_function() {
     for (way, damping, tolerance) in OPTIONS {
@@ -46,11 +49,7 @@ fn steps_are_those_of_the_stability_function() {
             assert!(oscillator.is_at(&state, factor, tolerance), "{} {way:?} {damping}: {state:?}", method.name());
         }
     }
-}
-
-/// What swings across its spring does so while all of it goes that way.
-#[test]
-fn steps_do_not_depend_on_a_steady_drift() {
+    // A steady drift across the spring changes nothing.
     let oscillator = Oscillator::drifting(Way::Across, 0.8, 1.25, 2.0);
     for method in
         [Method::LinearBackwardEuler, Method::BackwardEuler, Method::Bdf2, Method::ImplicitMidpoint, Method::W2]
@@ -87,7 +86,7 @@ fn verlet_kicks_and_drifts() {
                 (found[0] - x).abs() < tolerance * scale && (found[1] - v).abs() < tolerance * scale,
                 "{way:?} {damping}"
             );
-            // From the first step the second has the force, with predicted velocities; this one has not.
+            // A second step would reuse the force with predicted velocities.
             stepper.restart();
         }
     }
@@ -139,7 +138,7 @@ fn bdf2_goes_on_from_two_states() {
             found.iter().zip(expected).all(|(a, b)| (a - b).abs() < tolerance * scale),
             "{way:?} {found:?} {expected:?}"
         );
-        // After steps that nobody estimates the past says nothing about errors.
+        // After steps without an estimate the past says nothing about errors.
         stepper.try_step(&next, 0.0625).unwrap();
         assert_eq!(stepper.estimate_order(), 1);
     }
@@ -218,7 +217,7 @@ fn external_forces_act_at_the_time_of_the_stage() {
     assert!(Method::Rodas4.stepper(&system, &start, &ImplicitOptions::default()).is_err());
 }
 
-/// Air that takes a particle's velocity within a second.
+/// Drag that takes a particle's velocity within a second.
 #[derive(Debug)]
 struct Air;
 
@@ -228,8 +227,8 @@ impl ExternalForce for Air {
     }
 }
 
-/// Verlet's method predicts the velocity that air brakes where the step ends, without dampers too: half of it is left after half a second, which
-/// takes an eighth from the three quarters in the middle. In steps of a half, a quarter, … the error falls to a quarter.
+/// Verlet's method predicts velocities for drag without dampers too: half of the velocity is left after half a second, which
+/// takes an eighth from the three quarters in the middle. Where the step is halved the error falls to a quarter.
 #[test]
 fn verlet_predicts_the_velocity_that_external_forces_see() {
     let mut builder = SystemBuilder::new();
@@ -248,9 +247,9 @@ fn verlet_predicts_the_velocity_that_external_forces_see() {
     assert!(errors.windows(2).all(|pair| (3.5..4.5).contains(&(pair[0] / pair[1]))), "{errors:?}");
 }
 
-/// A matrix serves six steps of one length in a row, and none after a step that was refused or of another length.
+/// Up to six steps of one length share a matrix, but none after a rejected step or one of another length.
 #[test]
-fn w2_keeps_its_matrix_for_a_while() {
+fn w2_reuses_its_matrix() {
     let oscillator = Oscillator::new(Way::Along, 0.8, 1.05);
     let Oscillator { system, start, .. } = &oscillator;
     let mut stepper = WMethod::new(system, start, &ImplicitOptions::default()).unwrap();
@@ -271,12 +270,12 @@ fn w2_keeps_its_matrix_for_a_while() {
     assert_eq!(factorizations(&mut stepper, 0.03125, true), 5);
 }
 
-/// What controllers of steps ask of the methods, before the first step.
+/// The properties by which steps are controlled, before the first step.
 #[test]
-fn methods_with_estimates_tell_their_orders_and_limits() {
+fn methods_with_estimates_have_orders_and_limits() {
     let oscillator = Oscillator::new(Way::Along, 0.8, 1.25);
     let Oscillator { system, start, .. } = &oscillator;
-    for (method, orders, caution, growth, gains) in [
+    for (method, orders, caution, growth, reuses) in [
         (Method::Bdf2, [2, 2], 36.0, 2.0, false),
         (Method::W2, [2, 2], 3.0, 5.0, true),
         (Method::Rodas4, [4, 3], 5.0, 5.0, false),
@@ -286,12 +285,12 @@ fn methods_with_estimates_tell_their_orders_and_limits() {
         let mut stepper = stepper.unwrap();
         let name = method.name();
         assert_eq!([stepper.order(), stepper.estimate_order()], orders, "{name}");
-        assert_eq!((stepper.caution(), stepper.largest_growth()), (caution, growth), "{name}");
-        assert_eq!((stepper.gains_by_equal_steps(), stepper.braked()), (gains, 0.0), "{name}");
+        assert_eq!((stepper.safety_factor(), stepper.largest_growth()), (caution, growth), "{name}");
+        assert_eq!((stepper.reuses_factorization(), stepper.rotational_damping()), (reuses, 0.0), "{name}");
         assert_eq!(stepper.is_bounded_by_stability(), method == Method::Dop853, "{name}");
         stepper.statistics_mut().rejected_steps = 7;
         assert_eq!(stepper.statistics().rejected_steps, 7, "{name}");
-        // Whatever there is to look between the ends of a step, it begins where the step began.
+        // The interpolant begins at the start of the step.
         let mut state = start.clone();
         stepper.try_step(start, 0.1).unwrap();
         stepper.accept(&mut state);
@@ -299,4 +298,87 @@ fn methods_with_estimates_tell_their_orders_and_limits() {
         stepper.interpolate(start, &state, start.time, &mut sample);
         assert!((sample.positions[1] - start.positions[1]).norm() < 1e-12, "{name}");
     }
+}
+
+/// The oscillator along its spring, solved by conjugate gradients to a ten-thousandth of the last step's error: its mass, in kg, damping,
+/// and `m/τ² + b/τ + κ`.
+const MASS: f64 = 2.0;
+const DAMPING: f64 = 0.8;
+
+fn matrix(tau: f64) -> f64 {
+    MASS / (tau * tau) + DAMPING / tau + 12.0
+}
+
+/// `10⁻⁴ ‖E‖_M √m/τ²` over the right-hand side of a displacement or a correction, for the error E of the last step.
+fn tolerance(error: f64, tau: f64, solved: f64) -> f64 {
+    (1e-4 * MASS.sqrt() * error.abs() * MASS.sqrt() / (tau * tau) / (matrix(tau) * solved.abs())).min(1e-4)
+}
+
+fn conjugate_gradients() -> ImplicitOptions {
+    let options = ImplicitOptions::default();
+    options.with_linear(SolverOptions { solver: SolverChoice::Cg, ..options.linear })
+}
+
+/// E = ½ h (v' − v) of the last step.
+#[test]
+fn linearised_backward_euler_solves_to_its_error() {
+    let oscillator = Oscillator::new(Way::Along, DAMPING, 1.05);
+    let h = 0.25;
+    let mut state = oscillator.start.clone();
+    let mut stepper = LinearBackwardEuler::new(&oscillator.system, &state, &conjugate_gradients()).unwrap();
+    let mut error = 0.0;
+    let mut expected = 0.0f64;
+    for step in 0..3 {
+        let before = state.clone();
+        stepper.step(&mut state, h).unwrap();
+        let moved = state.positions[1].x - before.positions[1].x;
+        let found = stepper.statistics().max_tolerance;
+        if step == 0 {
+            assert!(found > 0.0 && found < 1e-9, "{found:e}");
+        } else {
+            expected = expected.max(tolerance(error, h, moved));
+            assert!((found / expected - 1.0).abs() < 1e-3 && expected < 1e-4, "{found:e} {expected:e}");
+        }
+        error = 0.5 * (moved - before.velocities[1].x * h);
+    }
+}
+
+/// E = ⅓ τ (v' − v_predicted) of the last step, and a correction of the prediction.
+#[test]
+fn bdf2_solves_to_its_error() {
+    let oscillator = Oscillator::new(Way::Along, DAMPING, 1.05);
+    let mut states = vec![oscillator.start.clone()];
+    let mut stepper = Bdf2::new(&oscillator.system, &states[0], &conjugate_gradients()).unwrap();
+    let (mut error, mut last) = (0.0, 0.0);
+    for (number, h) in [0.25, 0.25, 0.2, 0.15].into_iter().enumerate() {
+        let (state, before) = (states[number].clone(), states[number.saturating_sub(1)].clone());
+        let mut next = state.clone();
+        stepper.statistics_mut().max_tolerance = 0.0;
+        stepper.step(&mut next, h).unwrap();
+        let ratio = if last > 0.0 { h / last } else { 0.0 };
+        let tau = h * (1.0 + ratio) / (1.0 + 2.0 * ratio);
+        let (v, change) = (state.velocities[1].x, state.velocities[1].x - before.velocities[1].x);
+        let predicted = state.positions[1].x + h * (v + 0.5 * ratio * change);
+        let found = stepper.statistics().max_tolerance;
+        // The first step is one of backward Euler, solved to the floor of corrections.
+        let expected = if number == 0 { 1e-7 } else { tolerance(error, tau, next.positions[1].x - predicted) };
+        assert!((found / expected - 1.0).abs() < 1e-3, "{number}: {found:e} {expected:e}");
+        assert_eq!(expected < 1e-4, number != 1, "{number}: {expected:e}");
+        error = tau / 3.0 * (next.velocities[1].x - v - ratio * change);
+        states.push(next);
+        last = h;
+    }
+}
+
+/// The first step is solved to the strictest tolerance, the second to the error of the first.
+#[test]
+fn rodas4_solves_to_its_error() {
+    let oscillator = Oscillator::new(Way::Along, DAMPING, 1.05);
+    let mut state = oscillator.start.clone();
+    let mut stepper = Rodas4::new(&oscillator.system, &state, &conjugate_gradients()).unwrap();
+    stepper.step(&mut state, 0.25).unwrap();
+    let first = stepper.statistics().max_tolerance;
+    stepper.step(&mut state, 0.25).unwrap();
+    let second = stepper.statistics().max_tolerance;
+    assert!(first > 0.0 && first < 1e-9 && (1e-9..=1e-4).contains(&second), "{first:e} {second:e}");
 }

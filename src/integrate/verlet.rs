@@ -4,75 +4,68 @@
 //! v½ = v + ½h a,   x' = x + h v½,   v* = v + h a,   a' = M⁻¹ f(x', v*),   v' = v½ + ½h a'.
 //! ```
 //!
-//! a' serves the next step. Without damping, and forces from outside, f does not depend on v*, and this is the method of Verlet (1967) in the form with
+//! a' serves the next step. Where f does not depend on velocities, this is the method of Verlet (1967) in the form with
 //! velocities: symplectic, time-reversible, stable for `h ≤ 2/ω_max`. With damping the force at the end would depend on the
-//! velocity sought. Its prediction v* is right to O(h²), so is a', and v' to O(h³): second order still, at the price of some
+//! unknown velocity. Its prediction v* is right to O(h²), so is a', and v' to O(h³): still second order, with a lower limit of
 //! stability: a mode of frequency ω and damping ratio ζ is stable for `hω ≤ 2(√(1 + 4ζ²) − 2ζ)`, at ζ of 0, 0.1, 0.5 and 1 for
 //! 2, 1.64, 0.83 and 0.47.
 //!
-//! Forces at the end of a step are kept for the next. They are computed anew where the state is not the one that the last step
-//! left, or where prescribed velocities, and with them damping forces, have jumped: steps are cut at the kinks of paths, which
-//! keeps the order.
+//! Forces are computed anew where the state is not the end of the last step, or where prescribed velocities have jumped: steps are cut
+//! at the kinks of paths, which keeps the order.
 
-use super::explicit::ensure_room;
+use super::explicit::check_explicit;
 use super::propagated_error::LeadingTerm;
-use super::substeps::Substep;
-use super::{CompletedStep, PropagatedError, SpringVisitor, Statistics, StepFailure, TimeStepper};
+use super::substeps::{Substep, substeps};
+use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper, fits};
 use crate::error::{DegenerateSpring, Result};
-use crate::force::{SpringGeometry, set_total_force};
+use crate::force::set_total_force;
 use crate::system::{State, StateView, System};
 use nalgebra::Vector3;
 
-/// Bytes for a particle, at most.
-const PARTICLE: u64 = 150;
+/// An account of the springs that is updated after every step, or together with the forces at the end of the step.
+pub trait SpringVisitor {
+    /// True if it can compute the forces of this system, on this thread.
+    fn computes_forces(&self, system: &System) -> bool;
+
+    /// Does [`set_total_force`](crate::force::set_total_force) and [`see`](Self::see) in one pass, with the same bits except in the forces
+    /// on fixed particles, which nothing depends on.
+    ///
+    /// # Errors
+    /// A spring whose ends coincide.
+    fn set_force(&mut self, at: &StateView<'_>, dt: f64, force: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring>;
+
+    /// Visits the springs at the end of a step of dt seconds, with the velocities of the method's force evaluation.
+    fn see(&mut self, at: &StateView<'_>, dt: f64);
+}
 
 /// Second order, one force evaluation a step; stable without damping for `dt ≤ 2/ω_max`.
-///
-/// # Examples
-/// ```
-/// use sprung::integrate::{TimeStepper, Verlet};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// let mut stepper = Verlet::new(&system, &state)?;
-/// for _ in 0..100 {
-///     stepper.step(&mut state, 0.001)?;
-/// }
-/// // A particle of 1 kg on 10 N/m, 1 m from rest, at t = 0.1 s.
-/// let exact = 2.0 - (10.0_f64.sqrt() * 0.1).cos();
-/// assert!((state.positions[1].x - exact).abs() < 1e-3);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[doc(alias = "leapfrog")]
 pub struct Verlet<'s> {
     system: &'s System,
-    /// Whether forces may depend on velocities: of damping, or external.
+    /// True if forces may depend on velocities: of damping, or external.
     is_damped: bool,
-    /// The state at which the last step ended, and where this one is.
+    /// The end of the last step, and the current state of this one.
     next: State,
-    /// Whether `force` is the one there.
+    /// True if `force` is the one at `next`.
     knows_force: bool,
     force: Vec<Vector3<f64>>,
     /// v*; only where forces may depend on it.
     predicted: Vec<Vector3<f64>>,
-    /// A displaced state and the forces there, once an error is propagated.
+    /// A displaced state and its forces, once an error is propagated.
     displaced: Option<(State, Vec<Vector3<f64>>)>,
     statistics: Statistics,
 }
 
+/// A visitor of the springs, and the length of the whole step, in s.
+type Visit<'v> = (&'v mut dyn SpringVisitor, f64);
+
 impl<'s> Verlet<'s> {
-    /// For a system.
+    /// A stepper for a system.
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; too little memory.
+    /// Coincident ends of a spring in `state`; a state of another system; too little memory.
     pub fn new(system: &'s System, state: &State) -> Result<Self> {
-        ensure_room(system, state, PARTICLE)?;
-        SpringGeometry::at(system, state)?;
+        check_explicit(system, state, 150)?;
         Ok(Self {
             system,
             is_damped: system.is_damped() || system.has_external_forces(),
@@ -85,34 +78,33 @@ impl<'s> Verlet<'s> {
         })
     }
 
-    /// Sets the force at `next`, with the velocities given or predicted, in sight of who watches the end of a step of so many seconds.
-    fn set_force(&mut self, at: Velocities, seen: Option<(&mut dyn SpringVisitor, f64)>) -> Result<(), StepFailure> {
+    /// Sets the force at `next`, with predicted velocities where it depends on them, together with a visit of the springs.
+    fn set_force(&mut self, visit: Option<Visit<'_>>) -> Result<(), StepFailure> {
         let Self { system, next, force, predicted, .. } = self;
         self.statistics.work.force_evaluations += 1;
-        let velocities = match at {
-            Velocities::Predicted if self.is_damped => predicted,
-            _ => &next.velocities,
-        };
-        let moment = StateView { velocities, ..next.moment() };
+        let velocities = if self.is_damped { predicted } else { &next.velocities };
+        let at = StateView { velocities, ..next.moment() };
         let of_any = |set: Result<(), DegenerateSpring>| StepFailure::of_any(system, set.map_err(Into::into));
-        match seen {
-            None => of_any(set_total_force(system, &moment, force)),
-            Some((watch, dt)) if watch.computes_forces(system) => of_any(watch.set_force(&moment, dt, force)),
-            Some((watch, dt)) => {
-                of_any(set_total_force(system, &moment, force))?;
-                watch.see(&moment, dt);
+        match visit {
+            Some((visitor, dt)) if visitor.computes_forces(system) => of_any(visitor.set_force(&at, dt, force)),
+            visit => {
+                of_any(set_total_force(system, &at, force))?;
+                if let Some((visitor, dt)) = visit {
+                    visitor.see(&at, dt);
+                }
                 Ok(())
             }
         }
     }
 
-    /// Advances `next` over a piece of a step; `seen` is for its end.
-    fn advance(&mut self, piece: &Substep, seen: Option<(&mut dyn SpringVisitor, f64)>) -> Result<(), StepFailure> {
+    /// Advances `next` over a substep; springs are visited at its end.
+    fn advance(&mut self, substep: &Substep, visit: Option<Visit<'_>>) -> Result<(), StepFailure> {
         let prescribed = self.system.prescribed();
-        let h = piece.length();
+        let h = substep.length();
         if !self.knows_force {
-            prescribed.set_velocities(piece.middle(), &mut self.next.velocities);
-            self.set_force(Velocities::Given, None)?;
+            prescribed.set_velocities(substep.middle(), &mut self.next.velocities);
+            self.predicted.copy_from_slice(&self.next.velocities);
+            self.set_force(None)?;
         }
         let masses = self.system.masses();
         let State { positions, velocities, .. } = &mut self.next;
@@ -124,55 +116,59 @@ impl<'s> Verlet<'s> {
                 *x += *v * h;
                 *p = *v + kick;
             }
-            prescribed.set_velocities(piece.middle(), &mut self.predicted);
-            self.system.refresh(&mut self.predicted);
+            prescribed.set_velocities(substep.middle(), &mut self.predicted);
+            self.system.halo_exchange(&mut self.predicted);
         } else {
             for ((x, v), (f, mass)) in moving {
                 *v += f * (0.5 * h / mass);
                 *x += *v * h;
             }
         }
-        prescribed.set_positions(piece.end, positions);
-        self.system.refresh(positions);
-        self.next.time = piece.end;
-        if seen.is_some() && !self.is_damped {
-            // What is prescribed, and what ghosts have, is looked at too.
-            prescribed.set_velocities(piece.middle(), &mut self.next.velocities);
-            self.system.refresh(&mut self.next.velocities);
+        prescribed.set_positions(substep.end, positions);
+        self.system.halo_exchange(positions);
+        self.next.time = substep.end;
+        if visit.is_some() && !self.is_damped {
+            // The visitor sees prescribed velocities, and those of ghosts.
+            prescribed.set_velocities(substep.middle(), &mut self.next.velocities);
+            self.system.halo_exchange(&mut self.next.velocities);
         }
-        self.set_force(Velocities::Predicted, seen)?;
+        self.set_force(visit)?;
         for ((v, f), mass) in self.next.velocities.iter_mut().zip(&self.force).zip(masses) {
             *v += f * (0.5 * h / mass);
         }
-        self.system.refresh(&mut self.next.velocities);
-        self.knows_force = !piece.ends_at_kink;
+        self.system.halo_exchange(&mut self.next.velocities);
+        self.knows_force = !substep.ends_at_kink;
         Ok(())
     }
 
     /// Advances `next` over a whole step.
-    fn complete(&mut self, dt: f64, mut watch: Option<&mut dyn SpringVisitor>) -> Result<(), StepFailure> {
-        let (mut time, end) = (self.next.time, self.next.time + dt);
-        while let Some(piece) = Substep::next(self.system.prescribed(), time, end, dt) {
-            let is_last = piece.end >= end;
-            let seen: Option<(&mut dyn SpringVisitor, f64)> = match &mut watch {
-                Some(watch) if is_last => Some((&mut **watch, dt)),
+    fn complete(&mut self, dt: f64, mut visitor: Option<&mut dyn SpringVisitor>) -> Result<(), StepFailure> {
+        let system = self.system;
+        let end = self.next.time + dt;
+        for substep in substeps(system.prescribed(), self.next.time, dt) {
+            let visit: Option<Visit<'_>> = match &mut visitor {
+                Some(visitor) if substep.end >= end => Some((&mut **visitor, dt)),
                 _ => None,
             };
-            self.advance(&piece, seen)?;
-            time = piece.end;
+            self.advance(&substep, visit)?;
         }
-        self.next.prescribe(self.system);
-        StepFailure::of_any(self.system, if self.next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) })
+        self.next.prescribe(system);
+        StepFailure::unless_finite(system, self.next.is_finite())
     }
 
-    /// A step, in sight of who watches.
-    fn go(&mut self, state: &mut State, dt: f64, watch: Option<&mut dyn SpringVisitor>) -> Result<(), StepFailure> {
+    fn visited_step(
+        &mut self,
+        state: &mut State,
+        dt: f64,
+        visitor: Option<&mut dyn SpringVisitor>,
+    ) -> Result<(), StepFailure> {
+        StepFailure::of_arguments(self.system, state, dt)?;
         if self.next.positions != state.positions || self.next.velocities != state.velocities {
             self.knows_force = false;
             self.next.copy_from(state);
         }
         self.next.time = state.time;
-        let outcome = self.complete(dt, watch);
+        let outcome = self.complete(dt, visitor);
         match outcome {
             Ok(()) => state.copy_from(&self.next),
             Err(_) => self.knows_force = false,
@@ -181,35 +177,30 @@ impl<'s> Verlet<'s> {
     }
 }
 
-/// Which velocities a force is computed with.
-#[derive(Clone, Copy)]
-enum Velocities {
-    Given,
-    Predicted,
-}
-
 impl TimeStepper for Verlet<'_> {
     fn name(&self) -> &'static str {
         "verlet"
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
-        StepFailure::of_arguments(self.system, state, dt)?;
-        self.go(state, dt, None)
+        self.visited_step(state, dt, None)
     }
 
-    fn step_seen(&mut self, state: &mut State, dt: f64, watch: &mut dyn SpringVisitor) -> Result<(), StepFailure> {
-        self.go(state, dt, Some(watch))
+    fn step_seen(&mut self, state: &mut State, dt: f64, visitor: &mut dyn SpringVisitor) -> Result<(), StepFailure> {
+        self.visited_step(state, dt, Some(visitor))
     }
 
     fn restart(&mut self) {
         self.knows_force = false;
     }
 
-    /// The step linearised, `e½ = e_v + ½h e_a`, `e_x' = e_x + h e½`, `e_a' = M⁻¹ (K e_x' + G (e½ + ½h e_a))`, `e_v' = e½ + ½h e_a'`, the product being
-    /// a difference quotient.
+    /// The linearised step, `e½ = e_v + ½h e_a`, `e_x' = e_x + h e½`, `e_a' = M⁻¹ (K e_x' + G (e½ + ½h e_a))`, `e_v' = e½ + ½h e_a'`, with
+    /// the product as a difference quotient.
     fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
         let Self { system, is_damped, next, force, predicted, displaced, statistics, .. } = self;
+        if !fits(system, error, step) {
+            return false;
+        }
         let h = step.length;
         error.set_local(system, step, LeadingTerm::VERLET);
         let each = error.positions.iter_mut().zip(&mut error.velocities);
@@ -221,8 +212,7 @@ impl TimeStepper for Verlet<'_> {
         let ahead = |a: &Vector3<f64>, jerk: &Vector3<f64>| a * (0.5 * h) - jerk * (0.5 * h * h);
         let each = error.velocities.iter_mut().zip(error.accelerations.iter().zip(&error.jerk));
         each.for_each(|(v, (a, jerk))| *v += ahead(a, jerk));
-        let end = displaced.get_or_insert_with(|| (next.clone(), force.clone()));
-        let (at, force_at) = end;
+        let (at, force_at) = displaced.get_or_insert_with(|| (next.clone(), force.clone()));
         let epsilon = error.displace(system, next, h, at);
         let each = error.velocities.iter_mut().zip(error.accelerations.iter().zip(&error.jerk));
         each.for_each(|(v, (a, jerk))| *v -= ahead(a, jerk));
@@ -251,4 +241,156 @@ impl TimeStepper for Verlet<'_> {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::integrate::substeps::pulled_with_kinks;
+    use crate::integrate::{Monitor, MonitorOptions};
+    use crate::spring::{Spring, SpringLaw, Tension};
+    use crate::system::SystemBuilder;
+
+    /// A particle on a spring along the first axis, of this frequency and damping ratio, away from rest by 0.1 m.
+    fn oscillator(frequency: f64, ratio: f64) -> (System, State) {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([2.1, 0.0, 0.0], 1.0);
+        builder.hold(0);
+        let stiffness = 2.0 * frequency * frequency;
+        builder.spring(0, 1, Spring { stiffness, rest_length: 2.0, damping: 2.0 * ratio * frequency });
+        builder.build().unwrap()
+    }
+
+    /// Just below `hω = 2(√(1 + 4ζ²) − 2ζ)` motions stay bounded, just above they grow.
+    #[test]
+    fn stability_has_its_limit() {
+        for ratio in [0.0, 0.05, 0.25, 0.5, 1.0, 2.0f64] {
+            let limit = 2.0 * ((1.0 + 4.0 * ratio * ratio).sqrt() - 2.0 * ratio);
+            for (part, is_stable) in [(0.98, true), (1.02, false)] {
+                let (system, mut state) = oscillator(10.0, ratio);
+                state.positions[1].x = 2.0 + 1e-9;
+                let mut stepper = Verlet::new(&system, &state).unwrap();
+                let mut largest = 0.0f64;
+                for _ in 0..1000 {
+                    stepper.step(&mut state, part * limit / 10.0).unwrap();
+                    largest = largest.max((state.positions[1].x - 2.0).abs());
+                    if largest > 1e-6 {
+                        break;
+                    }
+                }
+                assert_eq!(largest < 1e-6, is_stable, "{ratio} {part}: {largest:e}");
+            }
+        }
+    }
+
+    /// A force is kept for the next step, but not where the state has been changed in between, in place or in speed, nor over
+    /// a step that failed, nor past a kink.
+    #[test]
+    fn forces_are_kept_as_long_as_they_are_right() {
+        let (system, start) = oscillator(3.0, 0.2);
+        let mut stepper = Verlet::new(&system, &start).unwrap();
+        let mut state = start.clone();
+        let mut evaluations = 0;
+        let mut step = |state: &mut State, stepper: &mut Verlet, dt: f64, expected: u64| {
+            let mut afresh = state.clone();
+            let outcome = stepper.step(state, dt);
+            evaluations += expected;
+            assert_eq!(stepper.statistics().work.force_evaluations, evaluations);
+            if outcome.is_ok() {
+                Verlet::new(&system, state).unwrap().step(&mut afresh, dt).unwrap();
+                assert!((afresh.positions[1] - state.positions[1]).norm() < 1e-4, "{afresh:?} {state:?}");
+            }
+            outcome
+        };
+        step(&mut state, &mut stepper, 0.01, 2).unwrap();
+        step(&mut state, &mut stepper, 0.01, 1).unwrap();
+        step(&mut state, &mut stepper, 0.02, 1).unwrap();
+        state.velocities[1].x += 0.5;
+        step(&mut state, &mut stepper, 0.01, 2).unwrap();
+        state.positions[1].x += 0.1;
+        step(&mut state, &mut stepper, 0.01, 2).unwrap();
+        stepper.restart();
+        step(&mut state, &mut stepper, 0.01, 2).unwrap();
+        let before = state.clone();
+        assert_eq!(step(&mut state, &mut stepper, 1e300, 1), Err(StepFailure::NonFinite));
+        assert_eq!(state, before);
+        step(&mut state, &mut stepper, 0.01, 2).unwrap();
+    }
+
+    /// Steps that end at the kinks and steps that are cut there give the same bits.
+    #[test]
+    fn steps_are_cut_at_kinks() {
+        let (system, start) = pulled_with_kinks();
+        let run = |steps: &[f64]| {
+            let mut state = start.clone();
+            let mut stepper = Verlet::new(&system, &state).unwrap();
+            steps.iter().for_each(|&h| stepper.step(&mut state, h).unwrap());
+            (state, stepper.statistics().work.force_evaluations)
+        };
+        let (cut, forces) = run(&[0.125, 0.25, 0.25, 0.25]);
+        assert_eq!(run(&[0.125; 7]), (cut.clone(), forces));
+        // One for each of seven substeps, one at the start and one after each of three kinks.
+        assert_eq!(forces, 7 + 1 + 3);
+        assert_eq!(cut.positions[0], Vector3::new(0.25, 0.0, 0.0));
+        assert_eq!(cut.velocities[0], Vector3::zeros());
+    }
+
+    /// Pulls by a newton, whatever the length.
+    #[derive(Debug)]
+    struct Steady;
+
+    impl SpringLaw for Steady {
+        fn tension(&self, _: usize, _: &Spring, _: f64) -> Tension {
+            Tension { force: 1.0, slope: 0.5 }
+        }
+
+        fn energy(&self, _: usize, _: &Spring, length: f64) -> f64 {
+            length
+        }
+    }
+
+    /// A visitor changes nothing, even where it cannot compute the forces.
+    #[test]
+    fn visitors_change_nothing() {
+        let (system, start) = oscillator(5.0, 0.1);
+        for system in [system.clone(), system.with_spring_law(Steady)] {
+            let (mut seen, mut alone) = (start.clone(), start.clone());
+            let mut steppers = [(); 2].map(|()| Verlet::new(&system, &start).unwrap());
+            let mut monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
+            for steps in 1..=3 {
+                steppers[0].step_seen(&mut seen, 0.01, monitor.springs()).unwrap();
+                monitor.enter(steps, &seen, 0.01).unwrap();
+                steppers[1].step(&mut alone, 0.01).unwrap();
+            }
+            assert_eq!(seen, alone);
+        }
+    }
+
+    /// Records the times at which it saw the springs, and the lengths of the steps.
+    #[derive(Default)]
+    struct Visits(Vec<[f64; 2]>);
+
+    impl SpringVisitor for Visits {
+        fn computes_forces(&self, _: &System) -> bool {
+            false
+        }
+
+        fn set_force(&mut self, _: &StateView<'_>, _: f64, _: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
+            unreachable!("it cannot compute forces")
+        }
+
+        fn see(&mut self, at: &StateView<'_>, dt: f64) {
+            self.0.push([at.time, dt]);
+        }
+    }
+
+    /// However many substeps a step has, its end alone is visited, with the length of the whole.
+    #[test]
+    fn a_step_is_visited_once() {
+        let (system, mut state) = pulled_with_kinks();
+        let (mut stepper, mut visits) = (Verlet::new(&system, &state).unwrap(), Visits::default());
+        for _ in 0..2 {
+            stepper.step_seen(&mut state, 0.5, &mut visits).unwrap();
+        }
+        assert_eq!(visits.0, [[0.5, 0.5], [1.0, 0.5]]);
+        assert!(stepper.statistics().work.force_evaluations > 4);
+    }
+}

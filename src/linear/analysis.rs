@@ -1,11 +1,10 @@
-//! Ordering, symbolic analysis and memory of a sparse factorization, whatever its kind.
+//! Symbolic analysis and memory of a sparse factorization, whatever its kind.
 //!
 //! faer's supernodal algorithm is used for every size: it is the faster one from about a thousand rows on, below that
-//! both take microseconds, and only one convention for the index of a failed pivot is then in play.
+//! both take microseconds, and the index of a failed pivot follows one convention only.
 
-use super::ordering::{Ordering, OrderingEstimate, OrderingMethod};
-use super::substitution::Substitution;
-use super::supernode::supernodes;
+use super::ordering::{FactorSize, Ordering, OrderingEstimate, OrderingMethod};
+use super::substitution::{Substitution, Supernode, supernodes};
 use crate::assembly::BlockPattern;
 use crate::error::{Error, Result};
 use crate::memory;
@@ -21,7 +20,7 @@ use serde::Serialize;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Right-hand sides that are solved for together: the factor is read once for all of them.
+/// Right-hand sides solved together: the factor is read once for all of them.
 pub const SOLVE_COLUMNS: usize = 4;
 
 /// A pivot that is not positive (LLᵀ), or is zero or not finite (LDLᵀ).
@@ -34,26 +33,7 @@ pub struct NonPositivePivot {
     pub dof: Dof,
 }
 
-/// What a factorization costs, known from the pattern alone.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct FactorSize {
-    /// Stored values of L, the zeros inside supernodes included.
-    pub entries: usize,
-    /// Floating-point operations of a numeric factorization.
-    pub flops: f64,
-    /// How the rows were ordered.
-    pub ordering: OrderingMethod,
-}
-
-impl FactorSize {
-    /// What is seen at first glance: a factorization takes this at least.
-    pub(super) fn least(glance: &OrderingEstimate) -> Self {
-        let (entries, flops) = glance.least();
-        Self { entries: entries as usize, flops, ordering: glance.method() }
-    }
-}
-
-/// The time a factorization has taken so far, in s, all calls together.
+/// The time that a factorization has taken so far, in s.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct FactorTimes {
@@ -69,22 +49,17 @@ pub struct FactorTimes {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct FactorReport {
-    /// What it costs.
+    /// The cost by the pattern.
     #[serde(flatten)]
     pub size: FactorSize,
-    /// What it has taken.
+    /// The time so far.
     #[serde(flatten)]
     pub times: FactorTimes,
 }
 
-/// What an error calls the factor.
 const FACTOR: &str = "the factor of the matrix";
 
-/// Bytes that ordering and analysis hold at most for an entry or a row of the matrix: lists of its pattern in both orders and its
-/// graph's coarser copies. Found by lowering the limit on memory until a run failed.
-const ANALYSIS: u64 = 64;
-
-/// Ordering, symbolic analysis and memory, shared by all kinds.
+/// Symbolic analysis and memory.
 pub struct Analysis {
     ordering: OrderingMethod,
     pub times: FactorTimes,
@@ -98,25 +73,25 @@ pub struct Analysis {
 }
 
 impl Analysis {
-    /// Asks for the memory that ordering and analysis take.
+    /// Checks that there is memory for ordering and analysis: at most 64 bytes for an entry or a row of the matrix, by
+    /// lowering the limit on memory until a run failed.
     pub(super) fn ensure_room(pattern: &BlockPattern) -> Result<()> {
-        memory::ensure(ANALYSIS * (pattern.entries() + pattern.order()) as u64, "the analysis of the matrix")
+        memory::ensure(64 * (pattern.entries() + pattern.order()) as u64, "the analysis of the matrix")
     }
 
-    /// A first look at what a factorization takes.
-    pub(super) fn glance(pattern: &BlockPattern) -> Result<OrderingEstimate> {
+    pub(super) fn estimate(pattern: &BlockPattern) -> Result<OrderingEstimate> {
         Self::ensure_room(pattern)?;
-        Ok(OrderingEstimate::of(pattern))
+        Ok(OrderingEstimate::new(pattern))
     }
 
-    /// Orders and analyses what was glanced at. [`allocate`](Self::allocate) must come before anything is factored.
-    pub(super) fn plan(pattern: &BlockPattern, glance: OrderingEstimate, par: Par) -> Result<Self> {
+    /// Orders and analyses the pattern of an estimate, without memory for the factor.
+    pub(super) fn new(pattern: &BlockPattern, estimate: OrderingEstimate, par: Par) -> Result<Self> {
         let params = CholeskySymbolicParams {
             supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
             ..Default::default()
         };
-        let (start, glanced) = (Instant::now(), glance.took());
-        let Ordering { method, forward, inverse } = glance.order(pattern);
+        let (start, estimated) = (Instant::now(), estimate.duration);
+        let Ordering { method, forward, inverse } = estimate.order(pattern);
         let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, forward.len()));
         let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, ordering, params)
             .map_err(|_| Error::TooLarge { what: FACTOR, bytes: u64::MAX, room: memory::room() })?;
@@ -126,34 +101,37 @@ impl Analysis {
             .or(symbolic.factorize_numeric_ldlt_scratch::<f64>(par, Spec::default()))
             .or(symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(par, Spec::default()))
             .or(symbolic.solve_in_place_scratch::<f64>(SOLVE_COLUMNS, par));
-        let times =
-            FactorTimes { analysis_seconds: (glanced + start.elapsed()).as_secs_f64(), ..FactorTimes::default() };
-        let (memory, symbolic) = (MemBuffer::new(StackReq::EMPTY), Arc::new(symbolic));
-        let (values, substitution) = Default::default();
-        Ok(Self { ordering: method, times, symbolic, values, memory, substitution, scratch, par })
+        let analysis_seconds = (estimated + start.elapsed()).as_secs_f64();
+        Ok(Self {
+            ordering: method,
+            times: FactorTimes { analysis_seconds, ..Default::default() },
+            symbolic: Arc::new(symbolic),
+            values: Vec::new(),
+            memory: MemBuffer::new(StackReq::EMPTY),
+            substitution: Substitution::default(),
+            scratch,
+            par,
+        })
     }
 
-    /// What is known of the pattern, without memory for a factor, to be [allocated](Self::allocate).
+    /// The same analysis, without memory for a factor.
     pub fn shared(&self) -> Self {
         let (times, values, substitution) = Default::default();
         let (memory, symbolic) = (MemBuffer::new(StackReq::EMPTY), self.symbolic.clone());
         Self { times, values, memory, substitution, symbolic, ..*self }
     }
 
-    /// Bytes of the factor and of what factoring takes beside it.
+    /// Bytes of the factor and the work space.
     pub fn bytes(&self) -> u64 {
         let scratch = self.scratch.unaligned_bytes_required() as u64;
         8 * self.symbolic.len_val() as u64 + scratch + Substitution::bytes(&self.symbolic)
     }
 
-    /// Takes the memory for the factor.
-    ///
-    /// # Errors
-    /// [`Error::TooLarge`] when it does not fit.
+    /// Allocates the factor.
     pub fn allocate(&mut self) -> Result<()> {
-        memory::ensure_with_dense_products(self.bytes(), FACTOR)?;
-        self.values = memory::filled(0.0, self.symbolic.len_val(), FACTOR)?;
         let bytes = self.bytes();
+        memory::ensure_with_dense_products(bytes, FACTOR)?;
+        self.values = memory::filled(0.0, self.symbolic.len_val(), FACTOR)?;
         self.memory = MemBuffer::try_new(self.scratch).map_err(|_| Error::TooLarge {
             what: FACTOR,
             bytes,
@@ -163,28 +141,21 @@ impl Analysis {
         Ok(())
     }
 
-    pub fn report(&self) -> FactorReport {
-        FactorReport { size: self.size(), times: self.times }
-    }
-
     pub fn size(&self) -> FactorSize {
-        FactorSize { entries: self.symbolic.len_val(), flops: flops(&self.symbolic), ordering: self.ordering }
+        // A column of h entries takes h² operations (multiply and add counted).
+        let column = |h: usize| (h * h) as f64;
+        let supernode = |s: Supernode| (0..s.columns).map(|c| column(s.rows() - c)).sum::<f64>();
+        let flops = supernodes(&self.symbolic).map(supernode).sum();
+        FactorSize { entries: self.symbolic.len_val(), flops, ordering: self.ordering }
     }
 
-    /// `forward[k]` is the row of A that is eliminated as number k; `None` when the order is A's own.
+    /// `forward[k]` is the row of A that is eliminated as number k; `None` for the order of A.
     pub fn forward(&self) -> Option<&[u32]> {
         self.symbolic.perm().map(|perm| perm.arrays().0)
     }
 
-    /// The row of A that the factorization calls `permuted`.
-    pub fn pivot(&self, pattern: &BlockPattern, permuted: usize) -> NonPositivePivot {
-        let row = self.forward().and_then(|forward| forward.get(permuted)).map_or(permuted, |&row| row as usize);
-        NonPositivePivot { row, dof: pattern.dofs().dof(row) }
+    /// The row of A that is eliminated as number k.
+    pub fn row(&self, k: usize) -> usize {
+        self.forward().and_then(|forward| forward.get(k)).map_or(k, |&row| row as usize)
     }
-}
-
-/// Operations of a numeric factorization. A column of a block that has h entries takes h² (multiply and add counted).
-fn flops(symbolic: &SymbolicCholesky<u32>) -> f64 {
-    let column = |h: usize| (h * h) as f64;
-    supernodes(symbolic).map(|s| (0..s.columns).map(|c| column(s.rows() - c)).sum::<f64>()).sum()
 }

@@ -1,25 +1,25 @@
-//! Conjugate gradients with block Jacobi, conjugate gradients with multigrid, or a Cholesky factorization: whichever costs less.
+//! The choice of a solver: conjugate gradients with block Jacobi or multigrid, or a Cholesky factorization.
 //!
-//! What iterations a matrix takes is known only when they have been done, and what factorizations cost only when the pattern has been analysed. So
-//! block Jacobi comes first and may spend on a matrix what the cheaper of the other two would (the argument of renting or buying skis: never more than
-//! twice the better choice). Then that one takes over, from where the iterations are, and for the matrices that follow. Multigrid in turn may spend
-//! what a factorization would. Motions change: block Jacobi is tried again after [`FIRST_TRIAL`] matrices, and after twice as many each time that it has
-//! spent too much.
+//! The number of iterations is known only when they have been done, and the cost of a factorization only when the pattern
+//! has been analysed. So block Jacobi comes first and may spend on a matrix what the cheaper of the other two would cost,
+//! which is at most twice the better choice (the ski-rental argument). Then that one takes over, from the solution so
+//! far, and for the matrices that follow. Multigrid in turn may spend what a factorization would cost. Block Jacobi is
+//! tried again after [`FIRST_TRIAL`] matrices, and after twice as many each time that it has overspent.
 //!
-//! The pattern is analysed when block Jacobi first spends too much, or has spent [`LOOK`] times what an analysis costs at least. A factor takes memory
-//! only when it is chosen, and no more than half of what the process may hold.
+//! The pattern is analysed when block Jacobi first overspends, or has spent [`ANALYSIS_SHARE`] times what an analysis costs
+//! at least. A factor takes memory only when it is chosen, and no more than half of what the process may hold.
 //!
-//! Effort is [counted](CostModel), not timed: the same run makes the same choice whenever it is repeated, and for any number of threads.
+//! Effort is [counted](CostModel), not timed: a repeated run makes the same choice, for any number of threads.
 
-use super::analysis::{FactorReport, FactorSize};
+use super::analysis::FactorReport;
 use super::cost::CostModel;
-use super::direct::{CholeskyEstimate, CholeskyPlan, CholeskySolver};
+use super::direct::{CholeskyPlan, CholeskySolver, LdltSolver};
 use super::iterative::{Application, CgSolver};
-use super::options::SolverOptions;
+use super::options::{DefinitenessGuarantee, PreconditionerKind, SolverChoice, SolverOptions};
+use super::ordering::FactorSize;
 use super::outcome::{Definiteness, NotConverged, Solution, SolveFailure};
 use super::preconditioner::Preconditioner;
-use super::preconditioner_kind::PreconditionerKind;
-use super::{Held, LinearSolver};
+use super::{LinearSolver, PreparedMatrix};
 use crate::error::Result;
 use crate::memory;
 use crate::operator::SystemOperator;
@@ -28,27 +28,74 @@ use crate::work::Work;
 use faer::Par;
 use nalgebra::Vector3;
 
-/// Matrices before block Jacobi is tried again for the first time: the trial costs at most the price of one of them.
+/// Matrices before block Jacobi is first tried again: the trial costs at most the price of one of them.
 const FIRST_TRIAL: u64 = 16;
 
-/// An analysis that costs a twentieth of what has been spent is looked into whatever it shows: fill may make it cost a few times more.
-const LOOK: f64 = 20.0;
+/// An analysis at a twentieth of the effort so far is always made: fill may make it a few times more expensive.
+const ANALYSIS_SHARE: f64 = 20.0;
 
-/// Iterations that a solve to ten digits takes with multigrid, before any is known: 12 to 35 on cloths, lattices and networks.
+/// First estimate of the iterations of a solve to ten digits with multigrid: 12 to 35 on cloths, lattices and networks.
 const MULTIGRID_ITERATIONS: f64 = 25.0;
 
-/// Factorizations that cost so many times what multigrid does are not analysed further.
+/// Factorizations that cost more than this many times what multigrid does are not analysed further.
 const HOPELESS: f64 = 10.0;
 
 /// Degrees of freedom beyond which nothing is analysed: ordering alone would take seconds.
-pub(super) const LARGEST_ANALYSED: usize = 1_500_000;
+const LARGEST_ANALYSED: usize = 1_500_000;
 
-/// Whether a factor of so many bytes leaves as much room for everything else, in what the process may ever hold.
-pub(super) fn fits(bytes: u64) -> bool {
+/// Factor operations per spring up to which a matrix that may be indefinite is factored: unlike conjugate gradients, a
+/// factorization proves definiteness.
+const WORTH_PROVING: f64 = 3e5;
+
+/// Degrees of freedom up to which `Auto` always factors: that takes about as long as a solve by conjugate gradients.
+const SMALL: usize = 60;
+
+/// Creates the solver. `Auto` factors what is small, or worth a proof of definiteness, and fits half of the memory;
+/// otherwise block Jacobi, multigrid or a factorization solves, at most at about twice the effort of the best of them.
+///
+/// # Errors
+/// When the matrix or its factor is too large.
+pub fn select(
+    system: &System,
+    options: &SolverOptions,
+    guarantee: DefinitenessGuarantee,
+    work: &mut Work,
+) -> Result<Box<dyn LinearSolver>> {
+    let dofs = system.dofs().len();
+    let iterative = |application, factors| -> Result<Box<dyn LinearSolver>> {
+        Ok(match options.preconditioner {
+            Some(kind) => {
+                let solver = CgSolver::new(system, kind, options.tolerance.strictest(), application)?;
+                Box::new(solver.interrupted_by(options.interrupt))
+            }
+            None => Box::new(AutomaticSolver::new(system, options, application, factors)?),
+        })
+    };
+    Ok(match options.solver {
+        SolverChoice::Llt => Box::new(CholeskySolver::new(system, options.par, work)?),
+        SolverChoice::Ldlt => Box::new(LdltSolver::new(system, options.par, work)?),
+        SolverChoice::Cg => iterative(Application::MatrixFree, false)?,
+        SolverChoice::CgAssembled => iterative(Application::assembled(system)?, false)?,
+        SolverChoice::Auto if dofs <= SMALL => Box::new(CholeskySolver::new(system, options.par, work)?),
+        SolverChoice::Auto if guarantee == DefinitenessGuarantee::Unknown && dofs <= LARGEST_ANALYSED => {
+            let most = WORTH_PROVING * system.active_springs().len().max(1) as f64;
+            let is_worth = |size: FactorSize, bytes| size.flops <= most && fits(bytes);
+            let plan = CholeskyPlan::if_worth(system, options.par, work, is_worth);
+            match plan.and_then(|plan| plan.solver(system).ok()) {
+                Some(direct) => Box::new(direct),
+                None => iterative(Application::MatrixFree, false)?,
+            }
+        }
+        SolverChoice::Auto => iterative(Application::MatrixFree, guarantee != DefinitenessGuarantee::Unknown)?,
+    })
+}
+
+/// Whether a factor of so many bytes leaves as much room for everything else.
+fn fits(bytes: u64) -> bool {
     memory::limit().is_none_or(|limit| bytes <= limit / 2)
 }
 
-/// What solves.
+/// The method that solves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Method {
     BlockJacobi,
@@ -56,17 +103,17 @@ enum Method {
     Cholesky,
 }
 
-/// What is known of factorizations.
+/// The state of the factorization.
 enum Direct {
     Unknown,
     /// Analysed, and without memory yet.
-    Known(Box<CholeskyPlan>),
+    Analysed(Box<CholeskyPlan>),
     Ready(Box<CholeskySolver>),
     /// Not wanted, too expensive, or too large.
     Never,
 }
 
-/// What a matrix costs, in force evaluations: once, and for every solve.
+/// The price of a matrix and of every solve with it, in force evaluations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Price {
     once: f64,
@@ -74,19 +121,19 @@ struct Price {
 }
 
 impl Price {
-    const UNAFFORDABLE: Self = Self { once: f64::INFINITY, solve: 0.0 };
+    const INFINITE: Self = Self { once: f64::INFINITY, solve: 0.0 };
 
     fn direct(costs: &CostModel, size: FactorSize) -> Self {
         Self { once: costs.factorization(size), solve: costs.direct_solve(size) }
     }
 
-    fn of(self, solves: f64) -> f64 {
+    fn total(self, solves: f64) -> f64 {
         self.once + solves * self.solve
     }
 }
 
 /// Three solvers for one system, one of which solves.
-pub struct AutomaticSolver {
+struct AutomaticSolver {
     method: Method,
     /// With the preconditioner of the method.
     iterative: CgSolver,
@@ -97,44 +144,38 @@ pub struct AutomaticSolver {
     costs: CostModel,
     multigrid_price: Price,
     direct_price: Price,
-    /// Where the particles are, for multigrid.
     positions: Vec<Vector3<f64>>,
-    /// Solves with the matrix at hand, and what the method has spent on it.
+    /// Solves with the current matrix, and what the method has spent on it.
     solves: f64,
     spent: f64,
     /// What block Jacobi has spent on all matrices.
-    spent_in_all: f64,
-    /// Matrices before block Jacobi is tried again, and after the next trial in vain.
+    total_spent: f64,
+    /// Matrices before block Jacobi is tried again, and the interval after which it was.
     until_trial: u64,
     interval: u64,
 }
 
 impl AutomaticSolver {
-    /// For a system, with products by `application`; `factors` says whether factorizations are considered.
-    pub(super) fn new(
-        system: &System,
-        options: &SolverOptions,
-        application: Application,
-        factors: bool,
-    ) -> Result<Self> {
+    /// `factors` allows factorizations.
+    fn new(system: &System, options: &SolverOptions, application: Application, factors: bool) -> Result<Self> {
         let costs = CostModel::of(system);
         let iterative =
             CgSolver::new(system, PreconditionerKind::BlockJacobi, options.tolerance.strictest(), application)?;
         let solve = MULTIGRID_ITERATIONS * costs.iteration(PreconditionerKind::Multigrid);
-        let is_wanted = factors && system.dofs().len() <= LARGEST_ANALYSED;
+        let factors = factors && system.dofs().len() <= LARGEST_ANALYSED;
         Ok(Self {
             method: Method::BlockJacobi,
             iterative: iterative.interrupted_by(options.interrupt),
             other: None,
-            direct: if is_wanted { Direct::Unknown } else { Direct::Never },
+            direct: if factors { Direct::Unknown } else { Direct::Never },
             par: options.par,
             multigrid_price: Price { once: costs.multigrid_setup(), solve },
-            direct_price: Price::UNAFFORDABLE,
+            direct_price: Price::INFINITE,
             costs,
             positions: vec![Vector3::zeros(); system.particles()],
             solves: 0.0,
             spent: 0.0,
-            spent_in_all: 0.0,
+            total_spent: 0.0,
             until_trial: FIRST_TRIAL,
             interval: FIRST_TRIAL,
         })
@@ -147,9 +188,17 @@ impl AutomaticSolver {
         }
     }
 
-    /// What the method may spend on the matrix at hand: what the cheaper of those that follow would.
+    /// The factorization, where it is the method.
+    fn factored(&mut self) -> Option<&mut CholeskySolver> {
+        match &mut self.direct {
+            Direct::Ready(direct) if self.method == Method::Cholesky => Some(direct),
+            _ => None,
+        }
+    }
+
+    /// What the method may spend on the current matrix: the price of the cheaper of those that follow.
     fn allowance(&self) -> f64 {
-        let [multigrid, direct] = [self.multigrid_price, self.direct_price].map(|price| price.of(self.solves));
+        let [multigrid, direct] = [self.multigrid_price, self.direct_price].map(|price| price.total(self.solves));
         match self.method {
             Method::BlockJacobi => multigrid.min(direct),
             Method::Multigrid => direct,
@@ -163,85 +212,70 @@ impl AutomaticSolver {
             return;
         }
         self.direct = Direct::Never;
-        let most = HOPELESS * self.multigrid_price.of(1.0);
-        let is_worth = |size: FactorSize, bytes: u64| Price::direct(&self.costs, size).of(1.0) <= most && fits(bytes);
-        let glance = CholeskyEstimate::new(system, work).ok();
-        let glance = glance.filter(|glance| is_worth(glance.least(), 8 * glance.least().entries as u64));
-        let plan = glance.and_then(|glance| glance.plan(self.par).ok());
-        if let Some(plan) = plan.filter(|plan| is_worth(plan.size(), plan.bytes())) {
-            self.direct_price = Price::direct(&self.costs, plan.size());
-            self.direct = Direct::Known(Box::new(plan));
+        let (costs, most) = (self.costs, HOPELESS * self.multigrid_price.total(1.0));
+        let is_worth = |size, bytes| Price::direct(&costs, size).total(1.0) <= most && fits(bytes);
+        if let Some(plan) = CholeskyPlan::if_worth(system, self.par, work, is_worth) {
+            self.direct_price = Price::direct(&costs, plan.size());
+            self.direct = Direct::Analysed(Box::new(plan));
         }
     }
 
-    /// Changes to the cheaper one of those that follow; what cannot be had is not considered again.
-    fn change(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
+    /// Changes to the cheaper one of the methods that follow; one that cannot be set up is not considered again.
+    fn change_method(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
         if self.method == Method::BlockJacobi {
             self.interval = self.interval.saturating_mul(2);
             self.until_trial = self.interval;
         }
         self.analyse(a.system(), work);
         self.spent = 0.0;
-        let [multigrid, direct] = [self.multigrid_price, self.direct_price].map(|price| price.of(self.solves));
+        let [multigrid, direct] = [self.multigrid_price, self.direct_price].map(|price| price.total(self.solves));
         if self.method == Method::Multigrid || direct <= multigrid {
             self.direct = match std::mem::replace(&mut self.direct, Direct::Never) {
-                Direct::Known(plan) => {
+                Direct::Analysed(plan) => {
                     plan.solver(a.system()).map_or(Direct::Never, |direct| Direct::Ready(Box::new(direct)))
                 }
                 direct => direct,
             };
             if let Direct::Ready(direct) = &mut self.direct {
-                let taken = direct.take(a, work).map(drop);
-                self.use_blocks();
+                let updated = direct.update(a, work).map(drop);
+                self.use_block_jacobi();
                 self.method = Method::Cholesky;
-                return taken;
+                return updated;
             }
-            self.direct_price = Price::UNAFFORDABLE;
+            self.direct_price = Price::INFINITE;
             return Ok(());
         }
-        let made = || Preconditioner::new(PreconditionerKind::Multigrid, a.system());
-        match self.other.take().map_or_else(made, Ok) {
-            Ok(mut multigrid) => {
-                multigrid.place(&self.positions);
-                self.exchange(multigrid);
-                self.method = Method::Multigrid;
-                let setups = work.multigrid_setups;
-                let updated = self.iterative.update_preconditioner(a, work);
-                self.spent += (work.multigrid_setups - setups) as f64 * self.costs.multigrid_setup();
-                updated
-            }
-            Err(_) => {
-                self.multigrid_price = Price::UNAFFORDABLE;
-                Ok(())
-            }
-        }
+        let create = || Preconditioner::new(PreconditionerKind::Multigrid, a.system());
+        let Ok(mut multigrid) = self.other.take().map_or_else(create, Ok) else {
+            self.multigrid_price = Price::INFINITE;
+            return Ok(());
+        };
+        multigrid.set_positions(&self.positions);
+        self.exchange_preconditioner(multigrid);
+        self.method = Method::Multigrid;
+        self.counting_setups(work, |iterative, work| iterative.preconditioner.update(a, work))
     }
 
-    fn exchange(&mut self, mut preconditioner: Preconditioner) {
-        self.iterative.exchange_preconditioner(&mut preconditioner);
+    fn exchange_preconditioner(&mut self, mut preconditioner: Preconditioner) {
+        std::mem::swap(&mut self.iterative.preconditioner, &mut preconditioner);
         self.other = Some(preconditioner);
     }
 
-    /// Gives conjugate gradients their first preconditioner back.
-    fn use_blocks(&mut self) {
+    /// Does something that may set up multigrid, which counts as spent.
+    fn counting_setups<R>(&mut self, work: &mut Work, f: impl FnOnce(&mut CgSolver, &mut Work) -> R) -> R {
+        let before = work.multigrid_setups;
+        let result = f(&mut self.iterative, work);
+        self.spent += (work.multigrid_setups - before) as f64 * self.costs.multigrid_setup();
+        result
+    }
+
+    fn use_block_jacobi(&mut self) {
         if self.method == Method::Multigrid
             && let Some(blocks) = self.other.take()
         {
-            self.exchange(blocks);
+            self.exchange_preconditioner(blocks);
         }
         self.method = Method::BlockJacobi;
-    }
-
-    /// Block Jacobi once more, where it is time to try it.
-    fn try_again(&mut self) {
-        if self.method == Method::BlockJacobi {
-            return;
-        }
-        if self.until_trial > 0 {
-            self.until_trial -= 1;
-            return;
-        }
-        self.use_blocks();
     }
 
     fn kind(&self) -> PreconditionerKind {
@@ -263,42 +297,42 @@ impl LinearSolver for AutomaticSolver {
 
     fn factor(&self) -> Option<FactorReport> {
         match &self.direct {
-            Direct::Known(plan) => Some(plan.report()),
+            Direct::Analysed(plan) => Some(plan.report()),
             Direct::Ready(direct) => direct.factor(),
             Direct::Unknown | Direct::Never => None,
         }
     }
 
     fn choice(&self) -> Option<String> {
-        let [multigrid, direct] = [self.multigrid_price, self.direct_price].map(|price| price.of(1.0));
+        let [multigrid, direct] = [self.multigrid_price, self.direct_price].map(|price| price.total(1.0));
         let direct = match self.direct {
             Direct::Unknown => "a factorization has not been considered".into(),
             Direct::Never => "a factorization costs far more, or is too large".into(),
-            Direct::Known(_) | Direct::Ready(_) => format!("a factorization and a solve cost {direct:.0}"),
+            Direct::Analysed(_) | Direct::Ready(_) => format!("a factorization and a solve cost {direct:.0}"),
         };
-        let what = self.preconditioner().map_or(String::new(), |preconditioner| format!(" with {preconditioner}"));
-        Some(format!("{}{what}: in force evaluations, multigrid costs about {multigrid:.0}; {direct}", self.name()))
+        let with = self.preconditioner().map_or(String::new(), |preconditioner| format!(" with {preconditioner}"));
+        Some(format!("{}{with}: in force evaluations, multigrid costs about {multigrid:.0}; {direct}", self.name()))
     }
 
-    fn place(&mut self, positions: &[Vector3<f64>]) {
+    fn set_positions(&mut self, positions: &[Vector3<f64>]) {
         self.positions.iter_mut().zip(positions).for_each(|(place, position)| *place = *position);
-        self.iterative.place(positions);
+        self.iterative.set_positions(positions);
     }
 
-    fn take(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+    fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
         (self.solves, self.spent) = (0.0, 0.0);
-        if self.spent_in_all > LOOK * self.costs.least_analysis() {
+        if self.total_spent > ANALYSIS_SHARE * self.costs.least_analysis() {
             self.analyse(a.system(), work);
         }
-        self.try_again();
-        match (&mut self.direct, self.method) {
-            (Direct::Ready(direct), Method::Cholesky) => direct.take(a, work),
-            _ => {
-                let setups = work.multigrid_setups;
-                let taken = self.iterative.take(a, work);
-                self.spent += (work.multigrid_setups - setups) as f64 * self.costs.multigrid_setup();
-                taken
+        if self.method != Method::BlockJacobi {
+            match self.until_trial {
+                0 => self.use_block_jacobi(),
+                _ => self.until_trial -= 1,
             }
+        }
+        match self.factored() {
+            Some(direct) => direct.update(a, work),
+            None => self.counting_setups(work, |iterative, work| iterative.update(a, work)),
         }
     }
 
@@ -306,26 +340,32 @@ impl LinearSolver for AutomaticSolver {
         self.iterative.set_tolerance(tolerance);
     }
 
-    fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
+    fn solve(
+        &mut self,
+        a: PreparedMatrix<'_>,
+        b: &[f64],
+        x: &mut [f64],
+        work: &mut Work,
+    ) -> Result<Solution, SolveFailure> {
         self.solves += 1.0;
         loop {
-            if let (Direct::Ready(direct), Method::Cholesky) = (&mut self.direct, self.method) {
-                let solved = direct.solve(a, b, x, work)?;
-                // A trial begins where conjugate gradients would be.
-                self.iterative.remember(x);
-                return Ok(solved);
+            if let Some(direct) = self.factored() {
+                let solution = direct.solve(a, b, x, work)?;
+                // For the first guess of a trial.
+                self.iterative.warm_start.record(x);
+                return Ok(solution);
             }
             let iteration = self.costs.iteration(self.kind());
-            let own_limit = self.iterative.method().iteration_limit;
+            let limit = self.iterative.method().iteration_limit;
             let most = ((self.allowance() - self.spent) / iteration).max(1.0) as u64;
-            self.iterative.method().iteration_limit = own_limit.min(most);
+            self.iterative.method().iteration_limit = limit.min(most);
             let before = work.cg_iterations;
             let solved = self.iterative.solve(a, b, x, work);
-            self.iterative.method().iteration_limit = own_limit;
+            self.iterative.method().iteration_limit = limit;
             let cost = (work.cg_iterations - before) as f64 * iteration;
             self.spent += cost;
             match self.method {
-                Method::BlockJacobi => self.spent_in_all += cost,
+                Method::BlockJacobi => self.total_spent += cost,
                 Method::Multigrid if solved.is_ok() => {
                     self.multigrid_price.solve = 0.5 * (self.multigrid_price.solve + cost);
                 }
@@ -333,8 +373,8 @@ impl LinearSolver for AutomaticSolver {
                 Method::Cholesky => {}
             }
             match solved {
-                Err(SolveFailure::NotConverged { reason: NotConverged::IterationLimit, .. }) if most < own_limit => {
-                    self.change(&a, work)?;
+                Err(SolveFailure::NotConverged { reason: NotConverged::IterationLimit, .. }) if most < limit => {
+                    self.change_method(&a, work)?;
                 }
                 _ => return solved,
             }
@@ -343,18 +383,182 @@ impl LinearSolver for AutomaticSolver {
 
     fn solve_aside(
         &mut self,
-        a: Held<'_>,
+        a: PreparedMatrix<'_>,
         b: &[f64],
         x: &mut [f64],
         tolerance: f64,
         work: &mut Work,
     ) -> Result<Solution, SolveFailure> {
-        match (&mut self.direct, self.method) {
-            (Direct::Ready(direct), Method::Cholesky) => direct.solve(a, b, x, work),
-            _ => self.iterative.solve_aside(a, b, x, tolerance, work),
+        match self.factored() {
+            Some(direct) => direct.solve(a, b, x, work),
+            None => self.iterative.solve_aside(a, b, x, tolerance, work),
         }
     }
 }
 
-#[cfg(all(test, feature = "scene"))]
-mod tests;
+#[cfg(feature = "scene")]
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::force::SpringGeometry;
+    use crate::linear::fixtures::{chain, operator, right_hand_side};
+    use crate::linear::outcome::Evidence;
+    use crate::operator::Combination;
+    use crate::scene::builtin;
+    use crate::spring::{Spring, Stiffness};
+    use crate::system::SystemBuilder;
+
+    fn automatic(system: &System, factors: bool) -> AutomaticSolver {
+        AutomaticSolver::new(system, &SolverOptions::default(), Application::MatrixFree, factors).unwrap()
+    }
+
+    fn solve(solver: &mut AutomaticSolver, a: &SystemOperator, work: &mut Work) -> Result<Solution, SolveFailure> {
+        solver.update(a, work)?;
+        let rows = a.system().dofs().len();
+        solver.solve(PreparedMatrix(a), &right_hand_side(rows), &mut vec![0.0; rows], work)
+    }
+
+    /// Where masses dominate, block Jacobi needs few iterations and nothing else is looked at.
+    #[test]
+    fn easy_matrices_are_left_to_block_jacobi() {
+        let scene = chain(500);
+        let (a, mut work, mut solver) = (operator(&scene, 1e-4), Work::default(), automatic(&scene.0, true));
+        solve(&mut solver, &a, &mut work).unwrap();
+        assert_eq!((solver.name(), solver.preconditioner()), ("cg", Some("block-jacobi")));
+        assert_eq!((work.symbolic_factorizations, work.multigrid_setups), (0, 0));
+        assert!(solver.choice().unwrap().contains("not been considered"));
+    }
+
+    /// Block Jacobi needs as many iterations as the chain has particles. It may spend what multigrid would; then the pattern is analysed, and a chain
+    /// is cheap to factor. The next matrix is factored at once.
+    #[test]
+    fn stiff_matrices_are_factored_where_that_is_cheap() {
+        let scene = chain(2000);
+        let (a, mut work, mut solver) = (operator(&scene, 1.0), Work::default(), automatic(&scene.0, true));
+        let allowed = solver.multigrid_price.total(1.0) / solver.costs.iteration(PreconditionerKind::BlockJacobi);
+        let solution = solve(&mut solver, &a, &mut work).unwrap();
+        assert!(solution.relative_residual < 1e-9, "{solution:?}");
+        assert_eq!((work.cg_iterations, work.factorizations, solver.name()), (allowed as u64, 1, "llt"));
+        assert!(solver.factor().is_some() && solver.preconditioner().is_none());
+        solve(&mut solver, &a, &mut work).unwrap();
+        assert_eq!((work.cg_iterations, work.factorizations, work.symbolic_factorizations), (allowed as u64, 2, 1));
+    }
+
+    /// Without factorizations multigrid takes over, at the places that the particles have.
+    #[test]
+    fn stiff_matrices_have_multigrid_where_nothing_is_factored() {
+        let scene = builtin::cloth(16).unwrap().build().unwrap();
+        let a = operator(&scene, 0.1);
+        let iterations = [false, true].map(|has_positions| {
+            let (mut work, mut solver) = (Work::default(), automatic(&scene.0, false));
+            if has_positions {
+                solver.set_positions(&scene.1.positions);
+            }
+            solver.multigrid_price.solve = 0.0;
+            solve(&mut solver, &a, &mut work).unwrap();
+            assert_eq!((solver.name(), solver.preconditioner()), ("cg", Some("multigrid")));
+            assert_eq!((work.multigrid_setups, work.symbolic_factorizations), (1, 0));
+            work.multigrid_iterations
+        });
+        assert!(iterations[1] > 0 && iterations[1] < iterations[0], "{iterations:?}");
+    }
+
+    /// Steps that become short again are left to block Jacobi after twice sixteen matrices, because the first attempt was in vain.
+    #[test]
+    fn block_jacobi_is_tried_again() {
+        let scene = chain(500);
+        let [stiff, easy] = [1.0, 1e-4].map(|dt| operator(&scene, dt));
+        let (mut work, mut solver) = (Work::default(), automatic(&scene.0, true));
+        solve(&mut solver, &stiff, &mut work).unwrap();
+        for _ in 0..2 * FIRST_TRIAL {
+            solve(&mut solver, &easy, &mut work).unwrap();
+            assert_eq!(solver.name(), "llt");
+        }
+        solve(&mut solver, &easy, &mut work).unwrap();
+        assert_eq!(solver.name(), "cg");
+        let iterations = work.cg_iterations;
+        // A trial in vain ends in a factorization, and the next one comes later.
+        solve(&mut solver, &stiff, &mut work).unwrap();
+        assert_eq!((solver.name(), solver.until_trial), ("llt", 4 * FIRST_TRIAL));
+        assert!(work.cg_iterations > iterations);
+    }
+
+    /// What cannot be had is not considered again, and block Jacobi goes on to its own limit.
+    #[test]
+    fn block_jacobi_goes_on_where_there_is_nothing_else() {
+        let scene = chain(500);
+        let (a, mut work, mut solver) = (operator(&scene, 1.0), Work::default(), automatic(&scene.0, false));
+        solver.multigrid_price = Price::INFINITE;
+        solve(&mut solver, &a, &mut work).unwrap();
+        assert!(solver.preconditioner() == Some("block-jacobi") && work.cg_iterations >= 490, "{work:?}");
+    }
+
+    /// Two pressed particles: their blocks are 20 − 15 across the spring and the matrix is 20 − 30 for ends that part, or the blocks are 1 − 15. Either way
+    /// the matrix is refused, by conjugate gradients and by a factorization.
+    #[test]
+    fn indefinite_matrices_are_refused() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0, 0.0, 0.0], 1.0);
+        builder.particle([1.0, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 4.0, damping: 0.0 });
+        let (system, state) = builder.build().unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
+        let refusal = |dt: f64, method| {
+            let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(dt));
+            let (mut solver, mut work) = (automatic(&system, true), Work::default());
+            if method == Method::Cholesky {
+                solver.direct = Direct::Ready(Box::new(CholeskySolver::new(&system, Par::Seq, &mut work).unwrap()));
+                solver.method = method;
+            }
+            let apart = [0.0, 1.0, 0.0, 0.0, -1.0, 0.0];
+            let updated = solver.update(&a, &mut work);
+            updated.and_then(|_| solver.solve(PreparedMatrix(&a), &apart, &mut [0.0; 6], &mut work)).unwrap_err()
+        };
+        let [curvature, block] = [1.0 / 20.0_f64.sqrt(), 1.0].map(|dt| refusal(dt, Method::BlockJacobi));
+        assert!(matches!(curvature, SolveFailure::Indefinite(Evidence::NegativeCurvature { .. })), "{curvature}");
+        assert!(matches!(block, SolveFailure::Indefinite(Evidence::DiagonalBlock(_))), "{block}");
+        let pivot = refusal(1.0, Method::Cholesky);
+        assert!(matches!(pivot, SolveFailure::Indefinite(Evidence::Pivot(_))), "{pivot}");
+    }
+
+    /// Half a million free particles are the most that are ordered.
+    #[test]
+    fn what_is_too_large_is_not_analysed() {
+        let system = |particles: usize| {
+            let mut builder = SystemBuilder::new();
+            builder.positions = vec![Vector3::zeros(); particles];
+            builder.velocities = builder.positions.clone();
+            builder.masses = vec![1.0; particles];
+            builder.build().unwrap().0
+        };
+        let chosen = |system: &System, guarantee| {
+            let mut work = Work::default();
+            let solver = select(system, &SolverOptions::default(), guarantee, &mut work).unwrap();
+            (solver.name(), work.symbolic_factorizations, solver.choice().is_some())
+        };
+        let (large, too_large) = (system(500_000), system(500_001));
+        assert_eq!(chosen(&large, DefinitenessGuarantee::Unknown), ("cg", 1, true));
+        for guarantee in [
+            DefinitenessGuarantee::Definite,
+            DefinitenessGuarantee::RegularizedDefinite,
+            DefinitenessGuarantee::Unknown,
+        ] {
+            assert_eq!(chosen(&too_large, guarantee), ("cg", 0, true));
+        }
+        // Matrices known to be definite are analysed only when that may pay.
+        for guarantee in [DefinitenessGuarantee::Definite, DefinitenessGuarantee::RegularizedDefinite] {
+            assert_eq!(chosen(&large, guarantee), ("cg", 0, true));
+        }
+    }
+
+    /// A proof of definiteness is worth 300 000 operations a spring.
+    #[test]
+    fn proofs_are_worth_their_operations() {
+        let (system, _) = crate::scene::builtin::cloth(20).unwrap().build().unwrap();
+        let mut work = Work::default();
+        let solver = select(&system, &SolverOptions::default(), DefinitenessGuarantee::Unknown, &mut work).unwrap();
+        let flops = solver.factor().unwrap().size.flops;
+        assert!(flops > 4e5 && flops < WORTH_PROVING * system.springs().len() as f64, "{flops}");
+        assert_eq!((solver.name(), work.symbolic_factorizations), ("llt", 1));
+    }
+}

@@ -1,15 +1,15 @@
 //! Block-diagonal preconditioners: Jacobi and 3×3 block Jacobi.
 
-use super::norms::dot;
+use super::vector::dot;
 use crate::operator::BlockDiagonal;
 use crate::system::{Axes, Dof, DofMap};
 use nalgebra::{Matrix3, Vector3};
 use std::ops::Range;
 
-/// Particles that one thread treats at a stretch.
-const STRETCH: usize = 4096;
+/// Particles in a piece of work: half a megabyte of vectors and inverses.
+const PIECE: usize = 4096;
 
-/// Which part of the diagonal blocks is used.
+/// The part of the diagonal blocks that is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum DiagonalPart {
     /// The diagonal: Jacobi.
@@ -18,7 +18,7 @@ pub enum DiagonalPart {
     Blocks,
 }
 
-/// A diagonal block that is not positive definite: proof that the whole matrix is not.
+/// A diagonal block that is not positive definite, which proves that the matrix is not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NotPositiveBlock(pub Dof);
 
@@ -31,12 +31,12 @@ pub struct BlockJacobi {
 }
 
 impl BlockJacobi {
-    /// The identity; [`update`](Self::update) makes it fit a matrix.
+    /// The identity; [`update`](Self::update) computes it for a matrix.
     pub fn new(part: DiagonalPart, dofs: &DofMap) -> Self {
         Self { part, dofs: dofs.clone(), inverses: vec![Matrix3::identity(); dofs.particles()] }
     }
 
-    /// Which part of the diagonal blocks is used.
+    /// The part of the diagonal blocks that is used.
     pub fn part(&self) -> DiagonalPart {
         self.part
     }
@@ -70,10 +70,10 @@ impl BlockJacobi {
         self.apply_to(0..self.inverses.len(), r, z)
     }
 
-    /// The rows of some particles, which are what `r` and `z` hold. Where particles are cut depends on their number alone, and so does how sums are added up.
+    /// The rows of some particles, which `r` and `z` hold. Cuts, and so the order of sums, depend on their number alone.
     fn apply_to(&self, particles: Range<usize>, r: &[f64], z: &mut [f64]) -> f64 {
         let first = self.dofs.first_row(particles.start);
-        if particles.len() > STRETCH {
+        if particles.len() > PIECE {
             let middle = particles.start + particles.len() / 2;
             let at = self.dofs.first_row(middle) - first;
             let ((r0, r1), (z0, z1)) = (r.split_at(at), z.split_at_mut(at));
@@ -95,13 +95,12 @@ impl BlockJacobi {
                 }
             }
         }
-        // While they are in the cache.
         dot(r, z)
     }
 }
 
-/// `A⁻¹ = L⁻ᵀ D⁻¹ L⁻¹` with `A = L D Lᵀ`, of which the lower triangle is read; `None` unless D is positive, which is to say A is definite.
-/// Without roots, and with three divisions: this is half of what a solve with few iterations takes.
+/// `A⁻¹ = L⁻ᵀ D⁻¹ L⁻¹` with `A = L D Lᵀ`, of which the lower triangle is read; `None` unless A is positive definite. Free
+/// of roots and with three divisions: it takes half of a solve with few iterations.
 fn inverse(a: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     let d0 = 1.0 / a.m11;
     let (l10, l20) = (a.m21 * d0, a.m31 * d0);
@@ -114,7 +113,7 @@ fn inverse(a: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     if !(a.m11 > 0.0 && pivot1 > 0.0 && pivot2 > 0.0) {
         return None;
     }
-    // Below its diagonal L⁻¹ has −l₁₀, −l₂₁ and this.
+    // The entries of L⁻¹ below its diagonal are −l₁₀, −l₂₁ and this one.
     let m20 = l10 * l21 - l20;
     let (b02, b12) = (m20 * d2, -l21 * d2);
     let b01 = -l10 * d1 - l21 * b02;
@@ -138,7 +137,7 @@ mod tests {
         assert_eq!(inverse, inverse.transpose());
     }
 
-    /// Of two axes that are stiff and one that is not, by a factor of 1e12, in a frame that is none of theirs.
+    /// Two stiff axes and one softer by a factor of 1e12, in a rotated frame.
     #[test]
     fn stiff_blocks_have_definite_inverses() {
         let soft = Vector3::new(2.0, -1.0, 2.0) / 3.0;
@@ -156,11 +155,11 @@ mod tests {
         }
     }
 
-    /// Where the particles are cut for the threads, and their rows with them, no number changes.
+    /// Cutting the particles for the threads changes no number.
     #[test]
-    fn stretches_are_cut_where_particles_end() {
+    fn pieces_are_cut_where_particles_end() {
         let mut builder = crate::SystemBuilder { dimension: 2, ..crate::SystemBuilder::new() };
-        let particles = 2 * STRETCH + 3;
+        let particles = 2 * PIECE + 3;
         (0..particles).for_each(|p| _ = builder.particle([p as f64, 0.0, 0.0], 1.0));
         (0..particles).step_by(7).for_each(|p| _ = builder.hold(p));
         let (system, _) = builder.build().unwrap();

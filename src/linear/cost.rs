@@ -1,16 +1,15 @@
 //! Work counted in force evaluations of the system at hand, for choosing and for reporting.
 //!
-//! Counting instead of timing gives the same choice whenever a run is repeated, and for any number of threads. Each operation takes so many
-//! nanoseconds a spring, a coordinate, an entry or an operation; only their ratios are used. They are the medians over cloths, lattices and networks of
-//! 10² to 10⁵ particles on one core and meant to be right within a factor of two: the choice that rests on them loses a factor of two at most
-//! where they are exact, and hardly more where they are not.
+//! Counts give the same choice whenever a run is repeated, and for any number of threads. The constants are ns a spring, a
+//! coordinate, an entry of the factor or an operation, of which only ratios are used: medians over cloths, lattices and
+//! networks of 10² to 10⁵ particles on one core. They need to be right within a factor of two only.
 
-use super::analysis::FactorSize;
-use super::preconditioner_kind::PreconditionerKind;
+use super::options::PreconditionerKind;
+use super::ordering::{FactorSize, OrderingMethod};
 use crate::system::System;
 use crate::work::Work;
 
-/// A force evaluation: a spring, a coordinate.
+/// A force evaluation: per spring, per coordinate.
 const FORCE: [f64; 2] = [5.3, 1.4];
 
 /// The extension and the block of a spring.
@@ -22,41 +21,24 @@ const PRODUCT: f64 = 2.0;
 /// A coordinate in an iteration of conjugate gradients, its preconditioner included.
 const ITERATION: f64 = 3.0;
 
-/// A coordinate in a cycle of multigrid, and in the set-up of its coarse levels.
+/// A coordinate in a cycle of multigrid, and in a set-up of its coarse levels.
 const MULTIGRID: [f64; 2] = [25.0, 350.0];
 
-/// Ordering and symbolic analysis: a spring, an entry of the factor.
+/// Ordering and symbolic analysis: per spring, per entry of the factor.
 const ANALYSIS: [f64; 2] = [160.0, 6.5];
 
-/// Refilling and factoring: a spring, an entry of the factor, an operation.
+/// Refilling and factoring: per spring, per entry of the factor, per operation.
 const FACTORIZATION: [f64; 3] = [43.0, 3.5, 0.016];
 
-/// A solve with a factor: a coordinate, an entry.
+/// A solve with a factor: per coordinate, per entry.
 const SUBSTITUTION: [f64; 2] = [19.0, 0.5];
 
 /// The cost of operations on one system, in units of one force evaluation.
-///
-/// # Examples
-/// ```
-/// use sprung::linear::CostModel;
-/// use sprung::work::Work;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// let (system, _) = builder.build()?;
-/// let costs = CostModel::of(&system);
-/// let work = Work { force_evaluations: 3, ..Work::default() };
-/// assert_eq!(costs.cost(&work, None), 3.0);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CostModel {
     springs: f64,
     coordinates: f64,
-    /// Entries of the lower triangle of A: what a factor has at least.
+    /// Entries of the lower triangle of A.
     entries: usize,
     /// A force evaluation, in ns.
     force: f64,
@@ -96,59 +78,41 @@ impl CostModel {
 
     /// Ordering and symbolic analysis.
     pub fn analysis(&self, size: FactorSize) -> f64 {
-        self.analysing(size.entries)
+        (ANALYSIS[0] * self.springs + ANALYSIS[1] * size.entries as f64) / self.force
     }
 
-    /// Ordering and symbolic analysis where nothing is filled in.
+    /// Ordering and symbolic analysis without fill.
     pub fn least_analysis(&self) -> f64 {
-        self.analysing(self.entries)
-    }
-
-    fn analysing(&self, entries: usize) -> f64 {
-        (ANALYSIS[0] * self.springs + ANALYSIS[1] * entries as f64) / self.force
+        self.analysis(self.without_fill())
     }
 
     /// A numeric factorization, the assembly of the sparse matrix included.
     pub fn factorization(&self, size: FactorSize) -> f64 {
-        self.factoring(size.entries, size.flops)
-    }
-
-    /// A numeric factorization where nothing is filled in.
-    pub fn least_factorization(&self) -> f64 {
-        self.factoring(self.entries, 0.0)
-    }
-
-    fn factoring(&self, entries: usize, flops: f64) -> f64 {
         let [spring, entry, flop] = FACTORIZATION;
-        (spring * self.springs + entry * entries as f64 + flop * flops) / self.force
+        (spring * self.springs + entry * size.entries as f64 + flop * size.flops) / self.force
     }
 
     /// A solve with a factor, and its residual.
     pub fn direct_solve(&self, size: FactorSize) -> f64 {
-        self.substituting(size.entries)
-    }
-
-    /// A solve with a factor where nothing is filled in.
-    pub fn least_direct_solve(&self) -> f64 {
-        self.substituting(self.entries)
-    }
-
-    fn substituting(&self, entries: usize) -> f64 {
         let [coordinate, entry] = SUBSTITUTION;
-        self.product() + (coordinate * self.coordinates + entry * entries as f64) / self.force
+        self.product() + (coordinate * self.coordinates + entry * size.entries as f64) / self.force
     }
 
-    /// The cost of some work, with the factor that it used, if any.
+    fn without_fill(&self) -> FactorSize {
+        FactorSize { entries: self.entries, flops: 0.0, ordering: OrderingMethod::Natural }
+    }
+
+    /// The cost of some work, with the factor that was used, or without fill.
     pub fn cost(&self, work: &Work, factor: Option<FactorSize>) -> f64 {
-        let size = |of: fn(&Self, FactorSize) -> f64, least: f64| factor.map_or(least, |size| of(self, size));
+        let size = factor.unwrap_or(self.without_fill());
         let by_blocks = work.cg_iterations.saturating_sub(work.multigrid_iterations);
         let terms = [
             (work.force_evaluations, 1.0),
             (work.assemblies, self.assembly()),
-            (work.symbolic_factorizations, size(Self::analysis, self.least_analysis())),
-            (work.factorizations, size(Self::factorization, self.least_factorization())),
-            (work.solves.saturating_sub(work.iterative_solves), size(Self::direct_solve, self.least_direct_solve())),
-            // The residuals of the first guess and of the solution; a first guess takes two products more.
+            (work.symbolic_factorizations, self.analysis(size)),
+            (work.factorizations, self.factorization(size)),
+            (work.solves.saturating_sub(work.iterative_solves), self.direct_solve(size)),
+            // The residuals of the first guess and of the solution, and the two products of a warm start.
             (work.iterative_solves + work.warm_starts, 2.0 * self.product()),
             (by_blocks, self.iteration(PreconditionerKind::BlockJacobi)),
             (work.multigrid_iterations, self.iteration(PreconditionerKind::Multigrid)),
@@ -161,8 +125,6 @@ impl CostModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::linear::OrderingMethod;
-
     /// 1000 springs between 200 particles: a force evaluation takes 6140 ns.
     fn model() -> CostModel {
         CostModel { springs: 1000.0, coordinates: 600.0, entries: 10_200, force: 6140.0 }

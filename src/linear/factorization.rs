@@ -1,12 +1,11 @@
 //! Sparse factorizations `A = L B Lᵀ` by faer: analysed once, refactored for every matrix.
 //!
-//! One type for all [kinds](FactorKind), which differ in B and in how pivots are chosen: what a kind adds is its call of faer and
-//! what can be asked of its factors. Single right-hand sides are solved for by `linear/substitution.rs`, several at once by faer.
+//! The [kinds](FactorKind) differ in B and in the choice of pivots. Single right-hand sides are solved by
+//! `linear/substitution.rs`, several at once by faer.
 
-use super::analysis::{Analysis, FactorReport, FactorSize, NonPositivePivot, SOLVE_COLUMNS};
-use super::ordering::OrderingEstimate;
-use super::substitution::Diagonal;
-use super::supernode::supernodes;
+use super::analysis::{Analysis, FactorReport, NonPositivePivot, SOLVE_COLUMNS};
+use super::ordering::{FactorSize, OrderingEstimate};
+use super::substitution::{Diagonal, supernodes};
 use crate::assembly::{BlockPattern, SymmetricMatrix};
 use crate::error::{Error, Result, check_length};
 use faer::dyn_stack::MemStack;
@@ -60,35 +59,26 @@ pub type Cholesky = Factorization<Llt>;
 /// keeps the rounding errors small. Check the residual.
 pub type Ldlt = Factorization<Ldl>;
 
-/// What B is, and how pivots are chosen: [`Llt`], [`Ldl`] or [`BunchKaufman`](super::BunchKaufman).
-pub trait FactorKind: kind::Numeric {}
+/// B and the choice of pivots: [`Llt`], [`Ldl`] or [`BunchKaufman`](super::BunchKaufman).
+pub trait FactorKind: Sized {
+    /// For matrices of order n.
+    #[doc(hidden)]
+    fn of_order(n: usize) -> Self;
 
-impl<K: kind::Numeric> FactorKind for K {}
+    /// Factors; returns the index of a failed pivot, in the order of elimination.
+    #[doc(hidden)]
+    fn factor(&mut self, analysis: &mut Analysis, a: &SymmetricMatrix) -> Result<(), usize>;
+}
 
 /// A kind whose factors solve.
-pub trait SolvingKind: FactorKind + kind::Solve {}
+pub trait SolvingKind: FactorKind {
+    /// The stored diagonal.
+    #[doc(hidden)]
+    const DIAGONAL: Diagonal;
 
-impl<K: kind::Solve> SolvingKind for K {}
-
-/// What faer has to be told; nobody else can make a kind.
-pub(super) mod kind {
-    use super::{Analysis, Diagonal, SymmetricMatrix};
-
-    pub trait Numeric: Sized {
-        /// For matrices of an order.
-        fn of_order(n: usize) -> Self;
-
-        /// Factors; the index of a refused pivot, in the order of elimination.
-        fn factor(&mut self, analysis: &mut Analysis, a: &SymmetricMatrix) -> Result<(), usize>;
-    }
-
-    pub trait Solve: Numeric {
-        /// What factors have on their diagonal.
-        const DIAGONAL: Diagonal;
-
-        /// `X ← A⁻¹ X` for at most [`SOLVE_COLUMNS`](super::SOLVE_COLUMNS) columns.
-        fn solve(analysis: &mut Analysis, x: faer::MatMut<'_, f64>);
-    }
+    /// `X ← A⁻¹ X` for at most [`SOLVE_COLUMNS`] columns.
+    #[doc(hidden)]
+    fn solve(analysis: &mut Analysis, x: MatMut<'_, f64>);
 }
 
 /// `A = L Lᵀ`.
@@ -97,7 +87,7 @@ pub struct Llt;
 /// `A = L D Lᵀ`, D diagonal, pivots in the order of elimination.
 pub struct Ldl;
 
-impl kind::Numeric for Llt {
+impl FactorKind for Llt {
     fn of_order(_: usize) -> Self {
         Self
     }
@@ -111,7 +101,7 @@ impl kind::Numeric for Llt {
     }
 }
 
-impl kind::Numeric for Ldl {
+impl FactorKind for Ldl {
     fn of_order(_: usize) -> Self {
         Self
     }
@@ -125,7 +115,7 @@ impl kind::Numeric for Ldl {
     }
 }
 
-impl kind::Solve for Llt {
+impl SolvingKind for Llt {
     const DIAGONAL: Diagonal = Diagonal::Roots;
 
     fn solve(analysis: &mut Analysis, x: MatMut<'_, f64>) {
@@ -134,7 +124,7 @@ impl kind::Solve for Llt {
     }
 }
 
-impl kind::Solve for Ldl {
+impl SolvingKind for Ldl {
     const DIAGONAL: Diagonal = Diagonal::Pivots;
 
     fn solve(analysis: &mut Analysis, x: MatMut<'_, f64>) {
@@ -144,18 +134,24 @@ impl kind::Solve for Ldl {
 }
 
 impl<K: FactorKind> Factorization<K> {
-    /// As [`analyse`](Self::analyse), without the memory for the factor: [`allocate`](Self::allocate) must come before
-    /// anything is factored.
-    pub(super) fn plan(pattern: &BlockPattern, glance: OrderingEstimate, par: Par) -> Result<Self> {
-        Ok(Self { analysis: Analysis::plan(pattern, glance, par)?, kind: K::of_order(pattern.order()) })
+    fn with_analysis(analysis: Analysis) -> Self {
+        let kind = K::of_order(analysis.symbolic.nrows());
+        Self { analysis, kind }
     }
 
-    /// Takes the memory for the factor.
-    pub(super) fn allocate(&mut self) -> Result<()> {
-        self.analysis.allocate()
+    /// As [`analyse`](Self::analyse), from an estimate and without memory for the factor, which must be
+    /// [allocated](Self::allocate) before anything is factored.
+    pub(super) fn plan(pattern: &BlockPattern, estimate: OrderingEstimate, par: Par) -> Result<Self> {
+        Ok(Self::with_analysis(Analysis::new(pattern, estimate, par)?))
     }
 
-    /// Bytes of the factor and of what factoring takes beside it.
+    /// Allocates the factor.
+    pub(super) fn allocate(mut self) -> Result<Self> {
+        self.analysis.allocate()?;
+        Ok(self)
+    }
+
+    /// Bytes of the factor and the work space.
     pub(super) fn bytes(&self) -> u64 {
         self.analysis.bytes()
     }
@@ -165,28 +161,15 @@ impl<K: FactorKind> Factorization<K> {
     /// # Errors
     /// When the factor does not fit 32-bit indices or the memory.
     pub fn analyse(pattern: &BlockPattern, par: Par) -> Result<Self> {
-        let mut factorization = Self::plan(pattern, Analysis::glance(pattern)?, par)?;
-        factorization.allocate()?;
-        Ok(factorization)
+        Self::plan(pattern, Analysis::estimate(pattern)?, par)?.allocate()
     }
 
-    /// Another one on the pattern that `analysed` knows, with memory of its own: nothing is analysed again.
+    /// A factorization with its own memory on the pattern that `analysed` has analysed.
     ///
     /// # Errors
     /// When the factor does not fit the memory.
     pub fn sharing<L: FactorKind>(analysed: &Factorization<L>) -> Result<Self> {
-        let analysis = analysed.analysis.shared();
-        let kind = K::of_order(analysis.symbolic.nrows());
-        let mut factorization = Self { analysis, kind };
-        factorization.allocate()?;
-        Ok(factorization)
-    }
-
-    /// What is known of the pattern, without memory for a factor: for [`sharing`](Self::sharing), and for what the pattern alone tells.
-    pub(crate) fn analysis_alone(&self) -> Self {
-        let analysis = self.analysis.shared();
-        let kind = K::of_order(analysis.symbolic.nrows());
-        Self { analysis, kind }
+        Self::with_analysis(analysed.analysis.shared()).allocate()
     }
 
     /// Entries and operations of a numeric factorization.
@@ -196,10 +179,10 @@ impl<K: FactorKind> Factorization<K> {
 
     /// The size and the times so far.
     pub fn report(&self) -> FactorReport {
-        self.analysis.report()
+        FactorReport { size: self.size(), times: self.analysis.times }
     }
 
-    /// Factors, timed; the index of a refused pivot, in the order of elimination.
+    /// Factors, timed; returns the index of a failed pivot, in the order of elimination.
     pub(super) fn run(&mut self, a: &SymmetricMatrix) -> Result<(), usize> {
         let start = Instant::now();
         let done = self.kind.factor(&mut self.analysis, a);
@@ -214,7 +197,10 @@ impl<K: SolvingKind> Factorization<K> {
     /// # Errors
     /// The first pivot that is not positive (LLᵀ), or is exactly zero or not finite (LDLᵀ).
     pub fn factor(&mut self, a: &SymmetricMatrix) -> Result<(), NonPositivePivot> {
-        self.run(a).map_err(|index| self.analysis.pivot(a.pattern(), index))
+        self.run(a).map_err(|k| {
+            let row = self.analysis.row(k);
+            NonPositivePivot { row, dof: a.dofs().dof(row) }
+        })
     }
 
     /// `A⁻¹ b` with the last factored matrix.
@@ -278,7 +264,7 @@ impl SymmetricMatrix {
         Ok(factorization)
     }
 
-    /// The factorization L D Lᵀ, analysed and computed: of an indefinite matrix too.
+    /// The factorization L D Lᵀ, analysed and computed; the matrix may be indefinite.
     ///
     /// # Errors
     /// A pivot that is zero or not finite; a factor that does not fit the memory.
@@ -289,13 +275,13 @@ impl SymmetricMatrix {
     }
 }
 
-/// Why a matrix has no factorization.
+/// The failure of a factorization.
 #[derive(Debug, thiserror::Error)]
 pub enum NotFactored {
     /// The factor does not fit the memory.
     #[error(transparent)]
     TooLarge(#[from] Error),
-    /// A pivot was refused: for Cholesky, the matrix is not positive definite.
+    /// A pivot failed: for Cholesky, the matrix is not positive definite.
     #[error(transparent)]
     Pivot(#[from] NonPositivePivot),
 }
@@ -303,18 +289,12 @@ pub enum NotFactored {
 impl Factorization<Ldl> {
     /// The pivots D of the last factored matrix with the rows of A they belong to, in the order of elimination.
     pub fn pivots(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let forward = self.analysis.forward();
-        supernodes(&self.analysis.symbolic).flat_map(move |s| {
-            (0..s.columns).map(move |c| {
-                let permuted = s.first + c;
-                let row = forward.map_or(permuted, |forward| forward[permuted] as usize);
-                (row, self.analysis.values[s.diagonal(c)])
-            })
-        })
+        let columns = supernodes(&self.analysis.symbolic).flat_map(|s| (0..s.columns).map(move |c| (s, c)));
+        columns.map(|(s, c)| (self.analysis.row(s.first + c), self.analysis.values[s.diagonal(c)]))
     }
 
-    /// Rows and columns of the stored entries of L below its diagonal, the zeros inside supernodes included, numbered in the order of
-    /// elimination.
+    /// Rows and columns of the stored entries of L below its diagonal, the zeros inside supernodes included, numbered in
+    /// the order of elimination.
     pub fn pattern(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         supernodes(&self.analysis.symbolic).flat_map(|s| {
             (0..s.columns).flat_map(move |c| {
@@ -325,8 +305,8 @@ impl Factorization<Ldl> {
         })
     }
 
-    /// Whether all pivots of the last factored matrix are positive. `L√D` is then its Cholesky factor: the matrix is
-    /// positive definite, to rounding.
+    /// Whether all pivots of the last factored matrix are positive: the matrix is then positive definite to rounding,
+    /// with the Cholesky factor `L√D`.
     pub fn is_positive(&self) -> bool {
         self.pivots().all(|(_, d)| d > 0.0)
     }
@@ -334,27 +314,21 @@ impl Factorization<Ldl> {
     /// A direction of negative curvature of the last factored matrix: `u = L⁻ᵀ e_j/d_j`, for which `uᵀAu = 1/d_j`, with j
     /// the most negative pivot. Returns whether there is one that fits the length of u; not normalised.
     pub fn negative_direction(&mut self, u: &mut [f64]) -> bool {
-        if u.len() != self.analysis.symbolic.nrows() {
+        let Self { analysis, .. } = self;
+        if u.len() != analysis.symbolic.nrows() {
             return false;
         }
-        let pivots = supernodes(&self.analysis.symbolic).flat_map(|s| (0..s.columns).map(move |c| (s, c)));
-        let worst = pivots
-            .map(|(s, c)| (self.analysis.values[s.diagonal(c)], s, c))
-            .filter(|(d, ..)| *d < 0.0)
-            .min_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((_, s, c)) = worst else { return false };
+        let columns = supernodes(&analysis.symbolic).flat_map(|s| (0..s.columns).map(move |c| (s, c)));
+        let pivots = columns.map(|(s, c)| (analysis.values[s.diagonal(c)], s, c));
+        let Some((_, s, c)) = pivots.filter(|(d, ..)| *d < 0.0).min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return false;
+        };
         // A⁻¹ (L e_j) = L⁻ᵀ D⁻¹ e_j: a column of L and one ordinary solve.
-        let forward = self.analysis.forward();
-        let row = |permuted: usize| forward.map_or(permuted, |forward| forward[permuted] as usize);
         u.fill(0.0);
-        u[row(s.first + c)] = 1.0;
-        let column = &self.analysis.values[s.diagonal(c) + 1..s.values + (c + 1) * s.rows()];
-        let (top, bottom) = column.split_at(s.columns - c - 1);
-        for (at, value) in (s.first + c + 1..).zip(top) {
-            u[row(at)] = *value;
-        }
-        for (&at, value) in s.below.iter().zip(bottom) {
-            u[row(at as usize)] = *value;
+        u[analysis.row(s.first + c)] = 1.0;
+        let rows = (s.first + c + 1..s.first + s.columns).chain(s.below.iter().map(|&row| row as usize));
+        for (k, value) in rows.zip(&analysis.values[s.diagonal(c) + 1..]) {
+            u[analysis.row(k)] = *value;
         }
         self.substitute(u);
         true
@@ -362,4 +336,161 @@ impl Factorization<Ldl> {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::linear::FactorTimes;
+    use crate::linear::fixtures::{self, noise};
+    use crate::memory::watch::asked;
+    use crate::operator::LinearOperator;
+    use std::collections::BTreeSet;
+
+    /// A band with `diagonal` added to the diagonal.
+    fn banded(particles: usize, diagonal: impl Fn(usize) -> f64) -> SymmetricMatrix {
+        let entry = |row, column| noise(row, column) + if row == column { diagonal(row) } else { 0.0 };
+        fixtures::banded(particles, 2, entry)
+    }
+
+    fn ldlt(a: &SymmetricMatrix) -> Ldlt {
+        Ldlt::analyse(a.pattern(), Par::Seq).unwrap()
+    }
+
+    fn curvature(a: &SymmetricMatrix, u: &[f64]) -> f64 {
+        let mut product = vec![0.0; u.len()];
+        a.apply(u, &mut product);
+        product.iter().zip(u).map(|(a, u)| a * u).sum()
+    }
+
+    /// The pattern of L holds that of A in the order of elimination and what elimination fills in, all below the diagonal and each entry
+    /// once; the operations are the squares of its columns' heights.
+    #[test]
+    fn the_pattern_of_the_factor_is_closed_under_elimination() {
+        for particles in [1, 3, 40] {
+            let a = banded(particles, |_| 20.0);
+            let mut factorization = ldlt(&a);
+            factorization.factor(&a).unwrap();
+            let mut place = vec![0; a.order()];
+            factorization.pivots().enumerate().for_each(|(k, (row, _))| place[row] = k);
+            let listed: Vec<(usize, usize)> = factorization.pattern().collect();
+            let pattern: BTreeSet<(usize, usize)> = listed.iter().copied().collect();
+            assert_eq!(pattern.len(), listed.len());
+            assert!(pattern.iter().all(|&(row, column)| column < row && row < a.order()));
+            let of_a =
+                a.iter().filter(|(row, column, _)| row != column).map(|(row, column, _)| (place[row], place[column]));
+            assert!(of_a.map(|(i, j)| (i.max(j), i.min(j))).all(|entry| pattern.contains(&entry)));
+            let mut heights = vec![1.0; a.order()];
+            pattern.iter().for_each(|&(_, column)| heights[column] += 1.0);
+            assert_eq!(heights.iter().map(|h| h * h).sum::<f64>(), factorization.size().flops);
+            for k in 0..a.order() {
+                let below: Vec<usize> = pattern.iter().filter(|entry| entry.1 == k).map(|entry| entry.0).collect();
+                let filled = below.iter().flat_map(|&j| below.iter().map(move |&i| (i, j))).filter(|(i, j)| i > j);
+                assert!(filled.clone().all(|entry| pattern.contains(&entry)));
+            }
+            assert_eq!(pattern.len() < a.order() * (a.order() - 1) / 2, particles == 40, "dense if small");
+        }
+    }
+
+    /// With d the most negative pivot `uᵀAu = 1/d`, wherever in the order it lies.
+    #[test]
+    fn a_negative_direction_has_the_curvature_of_the_most_negative_pivot() {
+        let order = 3 * 20;
+        for weak in (0..order).step_by(7) {
+            let a = banded(20, |row| if row == weak { -40.0 } else { 20.0 });
+            let mut factorization = ldlt(&a);
+            factorization.factor(&a).unwrap();
+            let worst = factorization.pivots().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+            assert_eq!(worst.0, weak);
+            assert!(!factorization.is_positive());
+            let mut u = vec![f64::NAN; order];
+            assert!(factorization.negative_direction(&mut u));
+            assert!((curvature(&a, &u) * worst.1 - 1.0).abs() < 1e-12, "row {weak}");
+            assert!((u[weak] * worst.1 - 1.0).abs() < 1e-12, "L has a unit diagonal");
+        }
+    }
+
+    /// A definite matrix has no direction of negative curvature; a pivot that is zero is neither positive nor negative.
+    #[test]
+    fn zero_pivots_have_no_sign() {
+        let a = banded(4, |_| 20.0);
+        let mut factorization = ldlt(&a);
+        let mut u = vec![0.0; a.order()];
+        assert!(factorization.pivots().all(|(_, pivot)| pivot == 0.0), "nothing is factored yet");
+        assert!(!factorization.is_positive());
+        assert!(!factorization.negative_direction(&mut u));
+        factorization.factor(&a).unwrap();
+        assert!(factorization.is_positive());
+        assert!(!factorization.negative_direction(&mut u));
+    }
+
+    /// Times add up over all calls, refused factorizations included.
+    #[test]
+    fn times_add_up() {
+        let (a, indefinite) = (banded(4, |_| 20.0), banded(4, |_| -20.0));
+        let mut x = vec![1.0; a.order()];
+        let mut cholesky = Cholesky::analyse(a.pattern(), Par::Seq).unwrap();
+        let mut ldlt = ldlt(&a);
+        let mut before = [FactorTimes::default(); 2];
+        for call in 0..3 {
+            assert_eq!(cholesky.factor(if call == 1 { &indefinite } else { &a }).is_err(), call == 1);
+            ldlt.factor(&a).unwrap();
+            cholesky.substitute(&mut x);
+            ldlt.substitute(&mut x);
+            let now = [cholesky.report().times, ldlt.report().times];
+            for (now, before) in now.iter().zip(before) {
+                assert!(now.analysis_seconds > 0.0);
+                assert!(now.factor_seconds > before.factor_seconds && now.solve_seconds > before.solve_seconds);
+            }
+            before = now;
+        }
+    }
+
+    /// Many right-hand sides at once are solved as each alone.
+    #[test]
+    fn columns_are_solved_like_vectors() {
+        let a = banded(5, |_| 20.0);
+        let (mut factorization, n) = (ldlt(&a), a.order());
+        factorization.factor(&a).unwrap();
+        for columns in [1, 4, 5, 9] {
+            let mut together: Vec<f64> = (0..columns * n).map(|at| noise(at, 3 * at + 1)).collect();
+            let mut alone = together.clone();
+            factorization.substitute_columns(n, &mut together);
+            alone.chunks_mut(n).for_each(|x| factorization.substitute(x));
+            let error = together.iter().zip(&alone).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(error < 1e-14, "{columns} columns: {error:e}");
+        }
+    }
+
+    /// The announced bytes are those allocated, but for alignment; a shared analysis has its own memory and zero times.
+    #[test]
+    fn factors_hold_what_they_say() {
+        for particles in [3, 60] {
+            let a = banded(particles, |_| 20.0);
+            let (factorization, asked) = asked("the analysis of the matrix", || ldlt(&a));
+            assert_eq!(asked, 64 * (a.pattern().entries() + a.order()) as u64);
+            let held = |of: &Ldlt| {
+                let Analysis { values, memory, substitution, .. } = &of.analysis;
+                let vectors = [values, &substitution.ordered, &substitution.block].map(|list| size_of_val(&list[..]));
+                vectors.iter().sum::<usize>() + memory.len()
+            };
+            let said = factorization.bytes() as usize;
+            assert!(said.abs_diff(held(&factorization)) <= 256, "{said} {}", held(&factorization));
+            assert!(factorization.report().times.analysis_seconds > 0.0);
+            let shared = Ldlt::sharing(&factorization).unwrap();
+            assert_eq!((held(&shared), shared.report().times), (held(&factorization), FactorTimes::default()));
+        }
+    }
+
+    /// Right-hand sides that do not fit are errors.
+    #[test]
+    fn wrong_lengths_are_refused() {
+        let a = banded(2, |_| 20.0);
+        let mut cholesky = Cholesky::analyse(a.pattern(), Par::Seq).unwrap();
+        cholesky.factor(&a).unwrap();
+        assert!(
+            cholesky.solve_in_place(&mut [1.0; 6]).is_ok() && cholesky.solve_columns_in_place(&mut [1.0; 12]).is_ok()
+        );
+        for length in [0, 5, 7, 12] {
+            assert!(cholesky.solve_in_place(&mut vec![1.0; length]).is_err(), "{length}");
+        }
+        assert!(cholesky.solve_columns_in_place(&mut [1.0; 13]).is_err());
+    }
+}

@@ -1,14 +1,10 @@
-//! Systems and matrices that several tests of this module use.
-
-/// Only tests on ready scenes need these.
-#[cfg(feature = "scene")]
-mod chains;
-
-#[cfg(feature = "scene")]
-pub use chains::{chain, operator, right_hand_side};
+//! Systems and matrices that several tests use.
 
 use crate::assembly::{BlockPattern, SymmetricMatrix};
-use crate::system::DofMap;
+use crate::force::SpringGeometry;
+use crate::operator::{Combination, SystemOperator};
+use crate::spring::{Spring, Stiffness};
+use crate::system::{DofMap, State, System, SystemBuilder};
 use nalgebra::Matrix3;
 use std::sync::Arc;
 
@@ -30,4 +26,29 @@ pub fn banded(particles: usize, reach: usize, entry: impl Fn(usize, usize) -> f6
         a.add_block(slot, &block(i, j));
     }
     a
+}
+
+/// A chain of so many free particles at rest on a line, one end held: over long steps block Jacobi needs about as many
+/// iterations as there are particles.
+pub fn chain(particles: usize) -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.dimension = 1;
+    builder.particle([0.0; 3], 1.0);
+    for particle in 1..=particles {
+        builder.particle([particle as f64, 0.0, 0.0], 1.0);
+        builder.spring(particle - 1, particle, Spring { stiffness: 1e6, rest_length: 1.0, damping: 0.0 });
+    }
+    builder.hold(0);
+    builder.build().unwrap()
+}
+
+/// M/dt² − K: nearly a mass for short steps, nearly a stiffness for long ones.
+pub fn operator<'s>((system, state): &'s (System, State), dt: f64) -> SystemOperator<'s> {
+    let extensions = SpringGeometry::at(system, &state.positions).unwrap();
+    SystemOperator::new(system, &extensions, Stiffness::Tension, Combination::step(dt))
+}
+
+/// Numbers between −1 and 1 without a pattern.
+pub fn right_hand_side(order: usize) -> Vec<f64> {
+    (0..order).map(|row| (row as f64 * 12.9898).sin()).collect()
 }

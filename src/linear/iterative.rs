@@ -1,31 +1,97 @@
-//! Conjugate gradients as a time step's solver, matrix-free or on the assembled A.
+//! Conjugate gradients as the solver of a time step, and first guesses from earlier solutions.
+//!
+//! Motion is smooth, so the solution of a step lies near the span of the last two. The point of that span nearest to the
+//! solution in the energy norm `‖e‖_A`, in which conjugate gradients measure, is `x = Σ α_i δx_i` with
+//!
+//! ```text
+//! Σ_j (δx_iᵀ A δx_j) α_j = δx_iᵀ b
+//! ```
+//!
+//! for the A and b at hand (Fischer 1998, "Projection techniques for iterative solution of Ax = b with successive right-hand
+//! sides"). It is never farther from the solution than zero, and costs two products with A.
 
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
+use super::options::PreconditionerKind;
 use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
 use super::preconditioner::{CustomPreconditioner, Preconditioner};
-use super::preconditioner_kind::PreconditionerKind;
-use super::warm_start::WarmStart;
-use super::{Held, LinearSolver, Prepared};
+use super::vector::dot;
+use super::{LinearSolver, Prepared, PreparedMatrix};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::interrupt::Interrupt;
-use crate::operator::SystemOperator;
+use crate::operator::{LinearOperator, SystemOperator};
 use crate::system::System;
 use crate::work::Work;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// How the products with A are made.
+/// The last two solutions.
+#[derive(Debug, Clone)]
+pub struct WarmStart {
+    last: Vec<f64>,
+    second_last: Vec<f64>,
+    product: Vec<f64>,
+    known: usize,
+}
+
+impl WarmStart {
+    /// For vectors of length n; no solution is known yet.
+    pub fn new(order: usize) -> Self {
+        let zeros = || vec![0.0; order];
+        Self { last: zeros(), second_last: zeros(), product: zeros(), known: 0 }
+    }
+
+    /// Sets x to the best first guess; returns `false`, and leaves x alone, where there is none.
+    pub fn guess(&mut self, a: &impl LinearOperator, b: &[f64], x: &mut [f64]) -> bool {
+        let Self { last, second_last, product, known } = self;
+        if *known == 0 || [b.len(), x.len()] != [last.len(); 2] {
+            return false;
+        }
+        a.apply(last, product);
+        let (a11, a12) = (dot(last, product), dot(second_last, product));
+        let (b1, b2) = (dot(last, b), dot(second_last, b));
+        let mut coefficients = [b1 / a11, 0.0];
+        if *known > 1 {
+            a.apply(second_last, product);
+            let a22 = dot(second_last, product);
+            let determinant = a11 * a22 - a12 * a12;
+            // Two nearly parallel solutions span one dimension only.
+            if determinant > 1e-12 * a11 * a22 {
+                coefficients = [(b1 * a22 - b2 * a12) / determinant, (b2 * a11 - b1 * a12) / determinant];
+            }
+        }
+        // There is no nearest point unless A is positive definite.
+        if !(a11 > 0.0 && coefficients.iter().all(|c| c.is_finite())) {
+            return false;
+        }
+        for ((x, last), second_last) in x.iter_mut().zip(&*last).zip(&*second_last) {
+            *x = coefficients[0] * last + coefficients[1] * second_last;
+        }
+        true
+    }
+
+    /// Records a solution.
+    pub fn record(&mut self, x: &[f64]) {
+        if x.len() != self.last.len() {
+            return;
+        }
+        std::mem::swap(&mut self.last, &mut self.second_last);
+        self.last.copy_from_slice(x);
+        self.known = (self.known + 1).min(2);
+    }
+}
+
+/// The operator that computes the products with A.
 #[derive(Debug, Clone)]
 pub enum Application {
     /// Spring by spring, without a matrix.
     MatrixFree,
-    /// With the assembled sparse matrix.
+    /// The assembled sparse matrix.
     Assembled(Box<SystemMatrix>),
 }
 
 impl Application {
-    /// Room for the assembled matrix of a system.
+    /// Allocates the assembled matrix of a system.
     ///
     /// # Errors
     /// More entries than 32-bit indices can count, or than there is memory for.
@@ -39,9 +105,9 @@ impl Application {
 #[derive(Debug)]
 pub struct CgSolver {
     method: ConjugateGradient,
-    preconditioner: Preconditioner,
+    pub(super) preconditioner: Preconditioner,
     application: Application,
-    warm_start: WarmStart,
+    pub(super) warm_start: WarmStart,
 }
 
 impl CgSolver {
@@ -61,9 +127,9 @@ impl CgSolver {
         Self::new(system, preconditioner, tolerance, Application::assembled(system)?)
     }
 
-    /// Matrix-free, with a preconditioner of your own.
-    pub fn with_preconditioner(system: &System, own: Box<dyn CustomPreconditioner>, tolerance: f64) -> Self {
-        Self::of(system, Preconditioner::Own(own), tolerance, Application::MatrixFree)
+    /// Matrix-free, with a custom preconditioner.
+    pub fn with_preconditioner(system: &System, custom: Box<dyn CustomPreconditioner>, tolerance: f64) -> Self {
+        Self::from_parts(system, Preconditioner::Custom(custom), tolerance, Application::MatrixFree)
     }
 
     pub(super) fn new(
@@ -72,10 +138,10 @@ impl CgSolver {
         tolerance: f64,
         application: Application,
     ) -> Result<Self> {
-        Ok(Self::of(system, Preconditioner::new(preconditioner, system)?, tolerance, application))
+        Ok(Self::from_parts(system, Preconditioner::new(preconditioner, system)?, tolerance, application))
     }
 
-    fn of(system: &System, preconditioner: Preconditioner, tolerance: f64, application: Application) -> Self {
+    fn from_parts(system: &System, preconditioner: Preconditioner, tolerance: f64, application: Application) -> Self {
         let order = system.dofs().len();
         Self {
             method: ConjugateGradient::new(order, tolerance),
@@ -85,25 +151,10 @@ impl CgSolver {
         }
     }
 
-    /// Makes iterations end when asked to.
+    /// Ends iterations when requested.
     pub fn interrupted_by(mut self, interrupt: Interrupt) -> Self {
         self.method.interrupt = interrupt;
         self
-    }
-
-    /// Records a solution that another solver found, for first guesses.
-    pub(super) fn remember(&mut self, x: &[f64]) {
-        self.warm_start.record(x);
-    }
-
-    /// Exchanges the preconditioner for another one, which has to be [updated](Self::update_preconditioner) before the next solve.
-    pub(super) fn exchange_preconditioner(&mut self, other: &mut Preconditioner) {
-        std::mem::swap(&mut self.preconditioner, other);
-    }
-
-    /// Makes the preconditioner fit a matrix.
-    pub(super) fn update_preconditioner(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
-        self.preconditioner.update(a, work)
     }
 
     /// The method: its parameters, and the direction of negative curvature after a failure.
@@ -133,7 +184,7 @@ impl CgSolver {
 impl Prepared<'_, CgSolver> {
     /// The method: its parameters, and the direction of negative curvature after a failure.
     pub fn method(&mut self) -> &mut ConjugateGradient {
-        self.solver().method()
+        self.solver.method()
     }
 }
 
@@ -149,22 +200,28 @@ impl LinearSolver for CgSolver {
         Some(self.preconditioner.name())
     }
 
-    fn place(&mut self, positions: &[Vector3<f64>]) {
-        self.preconditioner.place(positions);
+    fn set_positions(&mut self, positions: &[Vector3<f64>]) {
+        self.preconditioner.set_positions(positions);
     }
 
-    fn take(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+    fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
         if let Application::Assembled(matrix) = &mut self.application {
             matrix.refill(a);
         }
-        self.update_preconditioner(a, work).map(|()| Definiteness::Unknown)
+        self.preconditioner.update(a, work).map(|()| Definiteness::Unknown)
     }
 
     fn set_tolerance(&mut self, tolerance: f64) {
         self.method.tolerance = tolerance;
     }
 
-    fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
+    fn solve(
+        &mut self,
+        a: PreparedMatrix<'_>,
+        b: &[f64],
+        x: &mut [f64],
+        work: &mut Work,
+    ) -> Result<Solution, SolveFailure> {
         if x.iter().all(|&x| x == 0.0) {
             let Self { application, warm_start, .. } = self;
             work.warm_starts += u64::from(match &*application {
@@ -184,7 +241,7 @@ impl LinearSolver for CgSolver {
 
     fn solve_aside(
         &mut self,
-        a: Held<'_>,
+        a: PreparedMatrix<'_>,
         b: &[f64],
         x: &mut [f64],
         tolerance: f64,
@@ -214,5 +271,130 @@ fn accept(report: &CgReport) -> Result<Solution, SolveFailure> {
     }
 }
 
-#[cfg(all(test, feature = "scene"))]
-mod tests;
+#[cfg(feature = "scene")]
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linear::Prepare;
+    use crate::linear::fixtures::{chain, operator, right_hand_side};
+    use std::cell::Cell;
+
+    fn solver(system: &System, kind: PreconditionerKind) -> CgSolver {
+        CgSolver::matrix_free(system, kind, 1e-10).unwrap()
+    }
+
+    /// Iterations are counted by their preconditioner, and a second solve starts from the first solution.
+    #[test]
+    fn work_is_counted() {
+        let scene = chain(80);
+        let (a, b) = (operator(&scene, 1.0), right_hand_side(80));
+        for kind in PreconditionerKind::ALL {
+            let (mut work, mut solver) = (Work::default(), solver(&scene.0, kind));
+            let mut prepared = solver.prepare(&a, &mut work).unwrap();
+            prepared.solve(&b, &mut [0.0; 80], &mut work).unwrap();
+            let first = work;
+            assert!(first.cg_iterations > 0 && (first.solves, first.iterative_solves, first.warm_starts) == (1, 1, 0));
+            prepared.solve(&b, &mut [0.0; 80], &mut work).unwrap();
+            assert_eq!((work.cg_iterations, work.solves, work.warm_starts), (first.cg_iterations, 2, 1), "{kind:?}");
+            let plain = if kind == PreconditionerKind::None { work.cg_iterations } else { 0 };
+            let multigrid = if kind == PreconditionerKind::Multigrid { work.cg_iterations } else { 0 };
+            assert_eq!((work.plain_iterations, work.multigrid_iterations), (plain, multigrid), "{kind:?}");
+            assert_eq!(work.multigrid_setups, u64::from(kind == PreconditionerKind::Multigrid));
+        }
+    }
+
+    /// At the limit a solve ends and says so; what it has found serves as a first guess.
+    #[test]
+    fn solves_end_at_their_limit() {
+        let scene = chain(500);
+        let (a, b) = (operator(&scene, 1.0), right_hand_side(500));
+        let (mut work, mut solver) = (Work::default(), solver(&scene.0, PreconditionerKind::BlockJacobi));
+        let mut prepared = solver.prepare(&a, &mut work).unwrap();
+        let own = std::mem::replace(&mut prepared.method().iteration_limit, 400);
+        let mut x = [0.0; 500];
+        let failure = prepared.solve(&b, &mut x, &mut work).unwrap_err();
+        let SolveFailure::NotConverged { iterations, reason, .. } = failure else { panic!("{failure}") };
+        assert_eq!((iterations, reason), (400, NotConverged::IterationLimit));
+        prepared.method().iteration_limit = own;
+        prepared.solve(&b, &mut x, &mut work).unwrap();
+    }
+
+    /// Coarse matrices are made from some ten thousand rows at a time. With several times as many the coarse levels are as good.
+    #[test]
+    fn coarse_levels_of_long_chains_are_as_good() {
+        let iterations = [10_000, 40_000].map(|particles| {
+            let scene = chain(particles);
+            let (a, b) = (operator(&scene, 1.0), right_hand_side(particles));
+            let (mut work, mut solver) = (Work::default(), solver(&scene.0, PreconditionerKind::Multigrid));
+            solver.prepare(&a, &mut work).unwrap().solve(&b, &mut vec![0.0; particles], &mut work).unwrap();
+            work.cg_iterations
+        });
+        assert!(iterations[0] < 100 && iterations[1] < 2 * iterations[0], "{iterations:?}");
+    }
+
+    /// A diagonal matrix that counts its products.
+    struct Diagonal {
+        entries: Vec<f64>,
+        products: Cell<usize>,
+    }
+
+    impl Diagonal {
+        fn new(entries: &[f64]) -> Self {
+            Self { entries: entries.into(), products: Cell::new(0) }
+        }
+    }
+
+    impl LinearOperator for Diagonal {
+        fn order(&self) -> usize {
+            self.entries.len()
+        }
+
+        fn apply(&self, w: &[f64], y: &mut [f64]) {
+            self.products.set(self.products.get() + 1);
+            (0..w.len()).for_each(|i| y[i] = self.entries[i] * w[i]);
+        }
+    }
+
+    fn guess(a: &Diagonal, earlier: &[[f64; 3]], b: [f64; 3]) -> Option<[f64; 3]> {
+        let mut start = WarmStart::new(3);
+        earlier.iter().for_each(|x| start.record(x));
+        let mut x = [7.0; 3];
+        let known = start.guess(a, &b, &mut x);
+        assert!(known || x == [7.0; 3], "left alone");
+        known.then_some(x)
+    }
+
+    /// The nearest point of the span of two solutions, by hand: with A a multiple of the identity, the projection of b/a. It
+    /// does not depend on the unit of A.
+    #[test]
+    fn two_solutions_span_a_plane_in_any_unit() {
+        for unit in [2f64.powi(-30), 1.0, 2f64.powi(30)] {
+            let a = Diagonal::new(&[unit; 3]);
+            let x = guess(&a, &[[1.0, 0.0, 0.0], [1.0, 1.0, 0.0]], [3.0 * unit, 5.0 * unit, 4.0 * unit]);
+            assert_eq!(x, Some([3.0, 5.0, 0.0]), "{unit}");
+            assert_eq!(a.products.get(), 2);
+        }
+    }
+
+    /// One solution spans a line, and costs one product. A second that is zero adds nothing to it.
+    #[test]
+    fn one_solution_spans_a_line() {
+        let a = Diagonal::new(&[1.0, 2.0, 4.0]);
+        assert_eq!(guess(&a, &[], [1.0; 3]), None);
+        assert_eq!(a.products.get(), 0);
+        // xᵀb/xᵀAx = 6/3 = 2.
+        assert_eq!(guess(&a, &[[1.0, 1.0, 0.0]], [2.0, 4.0, 9.0]), Some([2.0, 2.0, 0.0]));
+        assert_eq!(a.products.get(), 1);
+        assert_eq!(guess(&a, &[[0.0; 3], [1.0, 1.0, 0.0]], [2.0, 4.0, 9.0]), Some([2.0, 2.0, 0.0]));
+    }
+
+    /// There is no guess where A is seen not to be positive definite, nor where it would not be finite.
+    #[test]
+    fn no_nearest_point_no_guess() {
+        let earlier = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        assert_eq!(guess(&Diagonal::new(&[-1.0; 3]), &earlier, [1.0; 3]), None);
+        assert_eq!(guess(&Diagonal::new(&[-1.0; 3]), &earlier[..1], [1.0; 3]), None);
+        assert_eq!(guess(&Diagonal::new(&[1.0; 3]), &earlier, [f64::INFINITY, 1.0, 1.0]), None);
+        assert_eq!(guess(&Diagonal::new(&[0.0; 3]), &earlier, [1.0; 3]), None);
+    }
+}

@@ -1,8 +1,8 @@
-//! Multigrid whose coarse levels lag behind the matrix for as long as that pays.
+//! Multigrid whose coarse levels lag behind the matrix as long as that pays.
 //!
-//! The finest level always has the matrix at hand. The coarse levels are recomputed when the iterations that their age has cost since they were new add
-//! up to what recomputing costs: whatever comes next, this is at most twice the work of the best choice of moments (the argument of renting or
-//! buying skis). All is counted in iterations, never in seconds: a run does the same whenever it is repeated.
+//! The finest level always has the current matrix. The coarse levels are recomputed when the iterations that their age has
+//! cost add up to the cost of recomputing them, which is at most twice the work of the best choice (the ski-rental
+//! argument). All is counted in iterations, not seconds, so that runs are repeatable.
 
 use super::outcome::{Evidence, SolveFailure};
 use crate::error::Result;
@@ -12,14 +12,14 @@ use crate::system::System;
 use crate::work::Work;
 use nalgebra::Vector3;
 
-/// Iterations that recomputing the coarse levels costs; 10 to 12 by `cargo bench --bench multigrid`, and a little less so that
-/// a motion that goes on ageing them finds new ones in time.
+/// Iterations that recomputing the coarse levels costs; 10 to 12 by `cargo bench --bench multigrid`, less a margin for
+/// motions that go on ageing them.
 const REBUILD: f64 = 8.0;
 
 /// State of the coarse levels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Coarse {
-    /// Never computed, or refused.
+    /// Never computed, or failed.
     Missing,
     /// Not used yet.
     New,
@@ -43,15 +43,15 @@ impl LaggedMultigrid {
         Ok(Self { multigrid: Multigrid::new(system)?, coarse: Coarse::Missing })
     }
 
-    /// See [`Multigrid::place`].
-    pub fn place(&mut self, positions: &[Vector3<f64>]) {
-        self.multigrid.place(positions);
+    /// See [`Multigrid::set_positions`].
+    pub fn set_positions(&mut self, positions: &[Vector3<f64>]) {
+        self.multigrid.set_positions(positions);
     }
 
-    /// Takes over a matrix, with new coarse levels where the old ones have cost too much; counts a set-up.
+    /// Sets the matrix, with new coarse levels where the old ones have cost too much; counts a set-up.
     ///
     /// # Errors
-    /// What shows that the matrix is not positive definite, or not finite.
+    /// A matrix that is found not to be positive definite, or not finite.
     pub fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
         self.multigrid.refill(a)?;
         if matches!(self.coarse, Coarse::Used { lost, .. } if lost < REBUILD) {
@@ -66,7 +66,7 @@ impl LaggedMultigrid {
 
     /// Records the iterations of a solve that gained so many decimal digits.
     pub fn record(&mut self, iterations: u64, digits: f64) {
-        // A good first guess leaves too little to judge by.
+        // After a good first guess the rate is not representative.
         if digits.is_nan() || digits < 1.0 {
             return;
         }
@@ -94,5 +94,70 @@ impl From<SetupFailure> for SolveFailure {
     }
 }
 
-#[cfg(all(test, feature = "scene"))]
-mod tests;
+#[cfg(feature = "scene")]
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::force::SpringGeometry;
+    use crate::operator::Combination;
+    use crate::scene::builtin::cloth;
+    use crate::spring::Stiffness;
+
+    fn used(per_digit: f64, lost: f64) -> Coarse {
+        Coarse::Used { per_digit, lost }
+    }
+
+    /// On a small system, with coarse levels of a given age.
+    fn aged(coarse: Coarse) -> LaggedMultigrid {
+        let (system, _) = cloth(3).unwrap().build().unwrap();
+        LaggedMultigrid { coarse, ..LaggedMultigrid::new(&system).unwrap() }
+    }
+
+    /// What was lost is the iterations beyond those that new coarse levels would have taken; a solve that takes fewer gives
+    /// nothing back, and one that gains less than a digit does not count.
+    #[test]
+    fn losses_are_counted_against_new_coarse_levels() {
+        let mut multigrid = aged(Coarse::New);
+        for (iterations, digits, coarse) in [
+            (9, 0.5, Coarse::New),
+            (9, f64::NAN, Coarse::New),
+            (30, 5.0, used(6.0, 0.0)),
+            (40, 5.0, used(6.0, 10.0)),
+            (33, 5.0, used(6.0, 13.0)),
+            (20, 5.0, used(6.0, 13.0)),
+            (90, 0.75, used(6.0, 13.0)),
+            (90, f64::NAN, used(6.0, 13.0)),
+            (8, 1.0, used(6.0, 15.0)),
+        ] {
+            multigrid.record(iterations, digits);
+            assert_eq!(multigrid.coarse, coarse, "after {iterations} iterations for {digits} digits");
+        }
+        let mut multigrid = aged(Coarse::Missing);
+        multigrid.record(30, 5.0);
+        assert_eq!(multigrid.coarse, Coarse::Missing);
+    }
+
+    /// Coarse levels are recomputed as soon as eight iterations are lost, and where there are none that a solve has used.
+    #[test]
+    fn coarse_levels_last_until_their_price_is_lost() {
+        let (system, state) = cloth(3).unwrap().build().unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
+        let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.01));
+        for (before, setups, after) in [
+            (Coarse::Missing, 1, Coarse::New),
+            (Coarse::New, 1, Coarse::New),
+            (used(3.0, 0.0), 0, used(3.0, 0.0)),
+            (used(3.0, 7.75), 0, used(3.0, 7.75)),
+            (used(3.0, 8.0), 1, Coarse::New),
+            (used(3.0, 8.25), 1, Coarse::New),
+        ] {
+            let (mut multigrid, mut work) = (aged(before), Work::default());
+            multigrid.update(&a, &mut work).unwrap();
+            assert_eq!((work.multigrid_setups, multigrid.coarse), (setups, after), "{before:?}");
+        }
+        // A negative mass shows on the finest level.
+        let negative = Combination { mass: -1.0, damping: 0.0, stiffness: 0.0 };
+        let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, negative);
+        assert!(matches!(aged(Coarse::New).update(&a, &mut Work::default()), Err(SolveFailure::Indefinite(_))));
+    }
+}

@@ -1,15 +1,15 @@
 //! Options of linear solvers.
 
-use super::{PreconditionerKind, Tolerance};
 use crate::error::{Invalid, Result};
 use crate::interrupt::Interrupt;
 use faer::Par;
 
-/// Which linear solver.
+/// A linear solver by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum SolverChoice {
-    /// By size, by what the option promises about definiteness, and by counted effort, see [`select`](super::select).
+    /// By size, the [guarantee](DefinitenessGuarantee) of the stiffness option and counted effort, see
+    /// [`select`](super::select).
     Auto,
     /// Sparse Cholesky.
     Llt,
@@ -37,7 +37,77 @@ impl SolverChoice {
     }
 }
 
-/// Which linear solver, and how.
+/// A preconditioner by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum PreconditionerKind {
+    /// The identity.
+    None,
+    /// The diagonal of A.
+    Jacobi,
+    /// The 3×3 diagonal block of every particle.
+    BlockJacobi,
+    /// Algebraic multigrid, see [`multigrid`](crate::multigrid).
+    Multigrid,
+}
+
+impl PreconditionerKind {
+    /// Every kind.
+    pub const ALL: [Self; 4] = [Self::None, Self::Jacobi, Self::BlockJacobi, Self::Multigrid];
+
+    /// The name used on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Jacobi => "jacobi",
+            Self::BlockJacobi => "block-jacobi",
+            Self::Multigrid => "multigrid",
+        }
+    }
+}
+
+/// The relative residual to which iterative methods solve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Tolerance {
+    /// `‖b − A x‖ ≤ tolerance·‖b‖`.
+    Fixed(f64),
+    /// A ten-thousandth of the error in time of a step, but at least [`STRICT`](Self::STRICT), which is used where a
+    /// stepper has no error estimate.
+    Adaptive,
+}
+
+impl Tolerance {
+    /// The default, which makes solvers comparable digit by digit.
+    pub const STRICT: f64 = 1e-10;
+
+    /// The smallest relative residual in use.
+    pub fn strictest(self) -> f64 {
+        match self {
+            Self::Fixed(tolerance) => tolerance,
+            Self::Adaptive => Self::STRICT,
+        }
+    }
+
+    /// Checks the range of the tolerance.
+    ///
+    /// # Errors
+    /// [`Invalid`] for a tolerance that does not lie between 0 and 1.
+    pub fn check(self) -> Result<(), Invalid> {
+        let strictest = self.strictest();
+        if strictest > 0.0 && strictest < 1.0 {
+            return Ok(());
+        }
+        Err(Invalid::new("tolerance", strictest, "must lie between 0 and 1"))
+    }
+}
+
+impl Default for Tolerance {
+    fn default() -> Self {
+        Self::Fixed(Self::STRICT)
+    }
+}
+
+/// A linear solver and its parameters.
 ///
 /// # Examples
 /// ```
@@ -53,15 +123,15 @@ impl SolverChoice {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolverOptions {
-    /// Which.
+    /// The solver.
     pub solver: SolverChoice,
-    /// For conjugate gradients; `None` chooses, by counted effort.
+    /// The preconditioner of conjugate gradients; `None` chooses by counted effort.
     pub preconditioner: Option<PreconditionerKind>,
-    /// For conjugate gradients.
+    /// The tolerance of conjugate gradients.
     pub tolerance: Tolerance,
     /// Parallelism of the factorizations.
     pub par: Par,
-    /// When to give up: iterations look at it.
+    /// Ends iterations when requested.
     pub interrupt: Interrupt,
 }
 
@@ -101,13 +171,30 @@ impl Default for SolverOptions {
     }
 }
 
-/// What a stiffness option says about the definiteness of A.
+/// The definiteness of A under a stiffness option.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DefinitenessGuarantee {
-    /// Positive definite, whatever the state.
+    /// Positive definite in every state.
     Definite,
-    /// Replaced by one that is where it is found not to be: a solver that finds out is worth something.
+    /// Replaced by a definite matrix once it is found to be indefinite, which a factorization can tell.
     RegularizedDefinite,
-    /// Nothing.
+    /// None.
     Unknown,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tolerances_lie_between_zero_and_one() {
+        let fine = [1e-300, f64::MIN_POSITIVE, 0.999, 1.0 - f64::EPSILON].map(|tolerance| (tolerance, true));
+        let wrong = [0.0, 1.0, -1e-3, 2.0, f64::NAN, f64::INFINITY].map(|tolerance| (tolerance, false));
+        for (tolerance, is_fine) in fine.into_iter().chain(wrong) {
+            assert_eq!(Tolerance::Fixed(tolerance).check().is_ok(), is_fine, "{tolerance}");
+            let options = SolverOptions::default().with_tolerance(tolerance).ok().map(|options| options.tolerance);
+            assert_eq!(options, is_fine.then_some(Tolerance::Fixed(tolerance)), "{tolerance}");
+        }
+        assert!(Tolerance::Adaptive.check().is_ok());
+    }
 }

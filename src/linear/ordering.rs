@@ -1,31 +1,34 @@
-//! Orderings that keep a factor sparse, found on the graph of particles.
+//! Fill-reducing orderings, computed on the graph of particles.
 //!
 //! The degrees of freedom of a particle have the same neighbours, so ordering particles and expanding them by their free
-//! axes gives the fill of ordering scalars at a ninth of the entries. Two methods are there: approximate minimum degree
-//! (Amestoy, Davis and Duff 1996), the better one for cloths, and nested dissection by multilevel bisection (George
-//! 1973; Karypis and Kumar 1998), which lattices need. The elimination tree and the exact column counts of either (Liu
-//! 1990) say what it costs; the cheaper one is put into postorder, so that columns of one structure lie side by side.
+//! axes gives the fill of ordering scalars at a ninth of the entries. There are two methods: approximate minimum degree
+//! (Amestoy, Davis and Duff 1996), the better one for cloths, and nested dissection by multilevel bisection (George 1973;
+//! Karypis and Kumar 1998), which lattices need. The elimination tree and the exact column counts of either (Liu 1990)
+//! give its cost; the cheaper one is put into postorder, so that columns of one structure are neighbours.
 //!
-//! A dissection takes ten to twenty times as long as a minimum degree, and for surfaces never pays: it is tried only where a minimum degree is
-//! dearer than that of surfaces. Eliminating separators of `c √n` vertices of w rows each takes `c³ w³ n^(3/2)` operations, with c³ below a
-//! hundred where a cloth is joined up to the second neighbour; volumes, whose separators have some n^(2/3) vertices, take more.
+//! A dissection takes ten to twenty times as long as a minimum degree and never pays for surfaces, so it is tried only
+//! where a minimum degree costs more than for surfaces. Eliminating separators of `c √n` vertices of w rows each takes
+//! `c³ w³ n^(3/2)` operations, with c³ below a hundred where a cloth is joined up to the second neighbour; volumes, whose
+//! separators have about n^(2/3) vertices, take more.
 
 use crate::assembly::BlockPattern;
+use crate::operator::group;
 use feral_amd::CscPattern;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// Operations from which a nested dissection is tried: below, a whole factorization takes less time than the dissection.
+/// Operations from which a nested dissection is tried: a smaller factorization takes less time than the dissection.
 const DISSECTION_FLOPS: f64 = 1e8;
 
-/// c³ above which a factorization is dearer than a surface's: cloths of 24² to 1000² particles have 37 to 109, slabs of three layers 160.
+/// c³ above which a factorization costs more than a surface's: cloths of 24² to 1000² particles have 37 to 109, slabs of
+/// three layers 160.
 const SURFACE_COST: f64 = 130.0;
 
-/// The power of the number of vertices by which a dissection takes fewer operations than a minimum degree, at most, as measured: lattices of 10³ to 60³
-/// take 1.7 to 14.1 times fewer, networks of 3000 to 10⁵ particles 1.8 to 3.5 times.
+/// Upper bound of the exponent by which dissection saves operations, `n^0.22`, measured on lattices of 10³ to 60³ (1.7 to
+/// 14.1 times fewer) and networks of 3000 to 10⁵ particles (1.8 to 3.5 times).
 const DISSECTION_GAIN: f64 = 0.22;
 
-/// How an ordering was found.
+/// The method that found an ordering.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -38,6 +41,17 @@ pub enum OrderingMethod {
     NestedDissection,
 }
 
+/// The cost of a factorization, known from the pattern alone.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct FactorSize {
+    /// Stored values of L, the zeros inside supernodes included.
+    pub entries: usize,
+    /// Floating-point operations of a numeric factorization.
+    pub flops: f64,
+    /// The ordering of the rows.
+    pub ordering: OrderingMethod,
+}
+
 /// A permutation of the rows of a matrix.
 #[derive(Debug, Clone)]
 pub(super) struct Ordering {
@@ -48,19 +62,18 @@ pub(super) struct Ordering {
     pub inverse: Vec<u32>,
 }
 
-/// What a minimum degree ordering shows of a pattern: for surfaces what a factorization takes, for volumes what it takes at least. A sixth to a
-/// ninth of what an analysis with a dissection takes.
+/// A lower bound of the cost of a factorization from a minimum degree ordering, exact for surfaces: it takes a sixth to a
+/// ninth of an analysis with a dissection.
 pub(super) struct OrderingEstimate {
     graph: ParticleGraph,
     method: OrderingMethod,
     elimination: Elimination,
-    /// Whether a dissection is tried.
-    may_gain: bool,
-    took: Duration,
+    tries_dissection: bool,
+    pub duration: Duration,
 }
 
 impl OrderingEstimate {
-    pub fn of(pattern: &BlockPattern) -> Self {
+    pub fn new(pattern: &BlockPattern) -> Self {
         let start = Instant::now();
         let graph = ParticleGraph::new(pattern);
         let natural = || (0..graph.len() as u32).collect();
@@ -69,31 +82,26 @@ impl OrderingEstimate {
             None => (OrderingMethod::Natural, natural()),
         };
         let elimination = Elimination::new(&graph, order);
-        let may_gain = elimination.flops > DISSECTION_FLOPS && graph.is_dear(elimination.flops);
-        Self { graph, method, elimination, may_gain, took: start.elapsed() }
+        let tries_dissection = elimination.flops > DISSECTION_FLOPS && graph.exceeds_surface_cost(elimination.flops);
+        Self { graph, method, elimination, tries_dissection, duration: start.elapsed() }
     }
 
-    /// The method that the cheapest ordering probably comes from.
-    pub fn method(&self) -> OrderingMethod {
-        if self.may_gain { OrderingMethod::NestedDissection } else { self.method }
+    /// The lower bound, with the method that probably gives the cheapest ordering.
+    pub fn least(&self) -> FactorSize {
+        let Elimination { entries, flops, .. } = self.elimination;
+        if !self.tries_dissection {
+            return FactorSize { entries: entries as usize, flops, ordering: self.method };
+        }
+        let gain = (self.graph.len() as f64).powf(DISSECTION_GAIN);
+        // The factor of a volume of n vertices has n^(4/3) entries and takes n² operations.
+        let entries = (entries / gain.powf(2.0 / 3.0)) as usize;
+        FactorSize { entries, flops: flops / gain, ordering: OrderingMethod::NestedDissection }
     }
 
-    /// The time that it has taken.
-    pub fn took(&self) -> Duration {
-        self.took
-    }
-
-    /// Entries and operations of a factor, at least.
-    pub fn least(&self) -> (f64, f64) {
-        let gain = if self.may_gain { (self.graph.len() as f64).powf(DISSECTION_GAIN) } else { 1.0 };
-        // Of a volume a factor of n vertices has n^(4/3) entries and takes n² operations.
-        (self.elimination.entries / gain.powf(2.0 / 3.0), self.elimination.flops / gain)
-    }
-
-    /// The cheapest ordering that the methods find.
+    /// The cheapest ordering.
     pub fn order(self, pattern: &BlockPattern) -> Ordering {
-        let Self { graph, mut method, mut elimination, may_gain, .. } = self;
-        if may_gain && let Some(order) = graph.nested_dissection() {
+        let Self { graph, mut method, mut elimination, tries_dissection, .. } = self;
+        if tries_dissection && let Some(order) = graph.nested_dissection() {
             let dissection = Elimination::new(&graph, order);
             if dissection.flops < elimination.flops {
                 (method, elimination) = (OrderingMethod::NestedDissection, dissection);
@@ -109,11 +117,11 @@ impl OrderingEstimate {
     }
 }
 
-/// The particles that can move, numbered anew, with all their neighbours.
+/// The particles that can move, as the vertices of a graph.
 struct ParticleGraph {
     /// The particle of every vertex.
     particles: Vec<u32>,
-    /// How many rows every vertex stands for.
+    /// Rows of every vertex.
     weights: Vec<u32>,
     /// The neighbours of v are `neighbours[starts[v]..starts[v + 1]]`, ascending.
     starts: Vec<i32>,
@@ -134,29 +142,11 @@ impl ParticleGraph {
             let neighbours = pattern.neighbours_above(particles[v] as usize);
             neighbours.map(|particle| vertex[particle] as usize).filter(|&u| u != u32::MAX as usize)
         };
-        let mut starts = vec![0i32; particles.len() + 1];
-        for v in 0..particles.len() {
-            for u in above(v) {
-                starts[v + 1] += 1;
-                starts[u + 1] += 1;
-            }
-        }
-        for v in 0..particles.len() {
-            starts[v + 1] += starts[v];
-        }
-        // A vertex gets its lower neighbours first, in the order of v, then its upper ones: ascending as a whole.
-        let mut filled = starts.clone();
-        let mut neighbours = vec![0i32; starts.last().map_or(0, |&entries| entries as usize)];
-        let mut put = |at: usize, neighbour: usize| {
-            neighbours[filled[at] as usize] = neighbour as i32;
-            filled[at] += 1;
-        };
-        for v in 0..particles.len() {
-            above(v).for_each(|u| put(u, v));
-        }
-        for v in 0..particles.len() {
-            above(v).for_each(|u| put(v, u));
-        }
+        // Lower neighbours first, then upper ones: ascending as a whole.
+        let pairs = || (0..particles.len()).flat_map(|v| above(v).map(move |u| (v, u)));
+        let both = || pairs().map(|(v, u)| (u, v as i32)).chain(pairs().map(|(v, u)| (v, u as i32)));
+        let (starts, neighbours) = group(particles.len(), both);
+        let starts = starts.into_iter().map(|start| start as i32).collect();
         Self { particles, weights, starts, neighbours }
     }
 
@@ -177,8 +167,7 @@ impl ParticleGraph {
         checked(feral_metis::metis_order(&self.as_columns()?).ok()?, self.len())
     }
 
-    /// Whether an elimination of so many operations takes more than those of surfaces do.
-    fn is_dear(&self, flops: f64) -> bool {
+    fn exceeds_surface_cost(&self, flops: f64) -> bool {
         let rows: f64 = self.weights.iter().map(|&weight| f64::from(weight)).sum();
         let vertices = self.len() as f64;
         flops > SURFACE_COST * (rows / vertices).powi(3) * vertices.powf(1.5)
@@ -196,15 +185,15 @@ fn checked(order: Vec<i32>, length: usize) -> Option<Vec<u32>> {
     (order.len() == length && order.iter().all(is_new)).then(|| order.into_iter().map(|v| v as u32).collect())
 }
 
-/// No vertex: the parent of a root.
+/// The parent of a root.
 const NONE: u32 = u32::MAX;
 
-/// What elimination in a certain order does.
+/// The elimination tree and the cost of an order.
 struct Elimination {
     order: Vec<u32>,
-    /// The elimination tree, by places in the order; a parent comes after its children.
+    /// The parent of every place in the order; a parent comes after its children.
     parents: Vec<u32>,
-    /// Of L.
+    /// Entries of L.
     entries: f64,
     /// Operations of a factorization: a column of h entries takes h² (multiply and add counted).
     flops: f64,
@@ -238,7 +227,7 @@ impl Elimination {
         Self { order, parents, entries, flops }
     }
 
-    /// The order with every subtree of the elimination tree in one piece. The fill is the same.
+    /// The order with every subtree of the elimination tree contiguous, which has the same fill.
     fn postorder(&self) -> Vec<u32> {
         let count = self.order.len();
         let (mut first_child, mut next_sibling) = (vec![NONE; count], vec![NONE; count]);
@@ -283,5 +272,161 @@ fn elimination_tree<I: Iterator<Item = u32>>(count: usize, earlier: impl Fn(u32)
     parents
 }
 
-#[cfg(all(test, feature = "scene"))]
-mod tests;
+#[cfg(feature = "scene")]
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::builtin::{cloth, column, lattice, network};
+    use std::collections::BTreeSet;
+
+    fn graph(scene: crate::Scene) -> (ParticleGraph, BlockPattern) {
+        let (system, _) = scene.build().unwrap();
+        let pairs = system.active().map(|(_, pair, _)| pair).collect::<Vec<_>>();
+        let pattern = BlockPattern::new(system.dofs(), pairs.into_iter()).unwrap();
+        (ParticleGraph::new(&pattern), pattern)
+    }
+
+    /// Entries and operations by eliminating vertex by vertex, joining all later neighbours.
+    fn by_elimination(graph: &ParticleGraph, order: &[u32]) -> (f64, f64) {
+        let mut adjacent: Vec<BTreeSet<u32>> = (0..graph.len() as u32).map(|v| graph.neighbours(v).collect()).collect();
+        let (mut entries, mut flops) = (0.0, 0.0);
+        for &v in order {
+            let later = std::mem::take(&mut adjacent[v as usize]);
+            let below: u32 = later.iter().map(|&u| graph.weights[u as usize]).sum();
+            for column in (1..=graph.weights[v as usize]).map(|rows| f64::from(below + rows)) {
+                entries += column;
+                flops += column.powi(2);
+            }
+            for &u in &later {
+                adjacent[u as usize].remove(&v);
+                adjacent[u as usize].extend(later.iter().filter(|&&w| w != u));
+            }
+        }
+        (entries, flops)
+    }
+
+    #[test]
+    fn orderings_are_permutations_and_their_cost_is_that_of_elimination() {
+        for scene in [cloth(12), lattice(6), network(300, 3)] {
+            let (graph, pattern) = graph(scene.unwrap());
+            let natural: Vec<u32> = (0..graph.len() as u32).collect();
+            for order in [Some(natural), graph.minimum_degree(), graph.nested_dissection()] {
+                let elimination = Elimination::new(&graph, order.unwrap());
+                let counted = (elimination.entries, elimination.flops);
+                assert_eq!(counted, by_elimination(&graph, &elimination.order));
+                let postorder = elimination.postorder();
+                assert_eq!(counted, by_elimination(&graph, &postorder), "postorder changes no fill");
+                assert!(checked(postorder.iter().map(|&v| v as i32).collect(), graph.len()).is_some());
+            }
+            let Ordering { forward, inverse, .. } = OrderingEstimate::new(&pattern).order(&pattern);
+            assert_eq!(forward.len(), pattern.order());
+            assert!((0..forward.len()).all(|new| inverse[forward[new] as usize] as usize == new));
+        }
+    }
+
+    /// For a surface the estimate is exact, for a volume it is a lower bound.
+    #[test]
+    fn estimates_are_lower_bounds() {
+        for scene in [cloth(32), column(200), lattice(6), lattice(10), lattice(16), network(3000, 3)] {
+            let (graph, pattern) = graph(scene.unwrap());
+            let estimate = OrderingEstimate::new(&pattern);
+            let (least, tries_dissection) = (estimate.least(), estimate.tries_dissection);
+            let Ordering { method, forward, .. } = estimate.order(&pattern);
+            assert_eq!((method, method == OrderingMethod::NestedDissection), (least.ordering, tries_dissection));
+            // The rows of a vertex are neighbours in the order, and here all are three.
+            let vertex: Vec<u32> = (0..graph.len() as u32)
+                .flat_map(|v| pattern.dofs().rows(graph.particles[v as usize] as usize).map(move |_| v))
+                .collect();
+            let order =
+                forward.iter().step_by(pattern.order() / graph.len()).map(|&row| vertex[row as usize]).collect();
+            let found = Elimination::new(&graph, order);
+            if tries_dissection {
+                let [fewer, bound] = [found.entries / least.entries as f64, found.flops / least.flops];
+                assert!((1.0..3.0).contains(&fewer) && (1.0..4.0).contains(&bound), "{fewer} {bound}");
+            } else {
+                assert_eq!((found.entries, found.flops), (least.entries as f64, least.flops));
+            }
+        }
+    }
+
+    /// Every subtree is one interval that ends with its root.
+    #[test]
+    fn postorder_keeps_subtrees_together() {
+        let (graph, _) = graph(lattice(6).unwrap());
+        let elimination = Elimination::new(&graph, graph.nested_dissection().unwrap());
+        let again = Elimination::new(&graph, elimination.postorder());
+        let mut sizes = vec![1usize; again.order.len()];
+        for k in 0..again.order.len() {
+            let parent = again.parents[k] as usize;
+            if again.parents[k] != NONE {
+                sizes[parent] += sizes[k];
+            }
+        }
+        let mut next_start = vec![0; again.order.len()];
+        for k in 0..again.order.len() {
+            next_start[k] = k + 1 - sizes[k];
+            assert!(again.parents[k] == NONE || again.parents[k] as usize > k);
+        }
+        for k in 0..again.order.len() {
+            if again.parents[k] != NONE {
+                assert!(next_start[again.parents[k] as usize] <= next_start[k], "a subtree lies inside its parent's");
+            }
+        }
+    }
+
+    /// No vertex, no edge, many components, one vertex joined to all others.
+    #[test]
+    fn odd_graphs_are_ordered() {
+        let star: Vec<[usize; 2]> = (1..3000).map(|leaf| [0, leaf]).collect();
+        let pairs: Vec<[usize; 2]> = (0..1000).map(|pair| [2 * pair, 2 * pair + 1]).collect();
+        for (particles, edges) in [(0, vec![]), (1, vec![]), (500, vec![]), (3000, star), (2100, pairs)] {
+            let pattern = BlockPattern::new(&crate::DofMap::unconstrained(particles), edges.into_iter()).unwrap();
+            let graph = ParticleGraph::new(&pattern);
+            assert!(particles == 0 || graph.minimum_degree().is_some() && graph.nested_dissection().is_some());
+            assert_eq!(OrderingEstimate::new(&pattern).order(&pattern).forward.len(), 3 * particles);
+        }
+    }
+
+    /// A dissection saves less than a tenth of the work on surfaces, and more on volumes, which are dissected.
+    #[test]
+    fn surfaces_are_not_dissected_and_would_not_gain_by_it() {
+        let scenes =
+            [(cloth(32), false), (cloth(60), false), (column(300), false), (lattice(10), true), (lattice(14), true)];
+        for (scene, is_volume) in scenes {
+            let (graph, pattern) = graph(scene.unwrap());
+            let minimum_degree = Elimination::new(&graph, graph.minimum_degree().unwrap());
+            let dissection = Elimination::new(&graph, graph.nested_dissection().unwrap());
+            assert_eq!(graph.exceeds_surface_cost(minimum_degree.flops), is_volume, "{} vertices", graph.len());
+            let gain = 1.0 - dissection.flops / minimum_degree.flops;
+            assert_eq!(gain > 0.1, is_volume, "{} vertices: {gain}", graph.len());
+            let method = if is_volume { OrderingMethod::NestedDissection } else { OrderingMethod::MinimumDegree };
+            let estimate = OrderingEstimate::new(&pattern);
+            assert!(estimate.duration > Duration::ZERO);
+            assert_eq!(estimate.order(&pattern).method, method);
+        }
+    }
+
+    /// Where all particles are joined every order costs the same, the sum of the first n squares; minimum degree then stays.
+    #[test]
+    fn a_dissection_must_be_cheaper() {
+        let particles = 230;
+        let pairs: Vec<[usize; 2]> = (0..particles).flat_map(|j| (0..j).map(move |i| [i, j])).collect();
+        let pattern = BlockPattern::new(&crate::DofMap::unconstrained(particles), pairs.into_iter()).unwrap();
+        let graph = ParticleGraph::new(&pattern);
+        for order in [graph.minimum_degree(), graph.nested_dissection()] {
+            let flops = Elimination::new(&graph, order.unwrap()).flops;
+            assert_eq!(flops, f64::from(690 * 691 / 6 * 1381));
+            assert!(flops > DISSECTION_FLOPS);
+        }
+        assert_eq!(OrderingEstimate::new(&pattern).order(&pattern).method, OrderingMethod::MinimumDegree);
+    }
+
+    #[test]
+    fn an_order_names_every_vertex_once() {
+        assert_eq!(checked(vec![2, 0, 1], 3), Some(vec![2, 0, 1]));
+        assert_eq!(checked(vec![], 0), Some(vec![]));
+        for wrong in [vec![0, 1], vec![0, 1, 2, 0], vec![0, 1, 1], vec![0, 1, 3], vec![0, 1, -1]] {
+            assert_eq!(checked(wrong.clone(), 3), None, "{wrong:?}");
+        }
+    }
+}

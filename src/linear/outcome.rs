@@ -1,8 +1,8 @@
-//! What a solve can say about itself.
+//! Outcomes of updates and solves.
 
 use crate::system::Dof;
 
-/// What is known about the definiteness of a matrix after it was prepared.
+/// The definiteness of a matrix, as far as preparing a solver has proved it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Definiteness {
@@ -15,7 +15,7 @@ pub enum Definiteness {
         /// A coordinate whose pivot is negative.
         dof: Dof,
     },
-    /// Not examined: conjugate gradients may still meet negative curvature, or may not, whatever A is.
+    /// Not examined: conjugate gradients may still meet negative curvature.
     Unknown,
 }
 
@@ -26,7 +26,7 @@ pub struct Solution {
     pub relative_residual: f64,
 }
 
-/// Why there is no solution.
+/// The failure of a solve.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SolveFailure {
@@ -40,9 +40,9 @@ pub enum SolveFailure {
     NotConverged {
         /// Iterations done.
         iterations: u64,
-        /// The true one, at the end.
+        /// The true relative residual at the end.
         relative_residual: f64,
-        /// What stopped it.
+        /// The reason.
         reason: NotConverged,
     },
     /// The factorization of an indefinite matrix lost too many digits.
@@ -54,7 +54,7 @@ pub enum SolveFailure {
     /// The matrix, the right-hand side or the solution has an infinite or undefined entry.
     #[error("the linear system has entries that are not finite")]
     NonFinite,
-    /// The solver has no matrix: none was prepared, or the last one was refused.
+    /// The solver has no matrix: none was prepared, or the last one failed.
     #[error("no matrix is prepared")]
     Unprepared,
     /// A right-hand side or a solution does not have one number for every row.
@@ -65,20 +65,23 @@ pub enum SolveFailure {
         /// Entries of the vector.
         found: usize,
     },
-    /// It was asked to stop.
+    /// A stop was requested.
     #[error("interrupted")]
     Interrupted,
 }
 
-/// What proves that A is not positive definite.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// The evidence that A is not positive definite.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Evidence {
     /// A factorization met a pivot that is not positive at this coordinate.
+    #[error("the pivot of {0} is not positive")]
     Pivot(Dof),
     /// The diagonal block of a particle, seen when the preconditioner was set up, is not positive definite.
+    #[error("the diagonal block at {0} is not positive definite")]
     DiagonalBlock(Dof),
     /// A coarse matrix of multigrid, `Pᵀ A P`, is not positive definite.
+    #[error("coarse level {level} of multigrid is not positive definite near {dof}")]
     CoarseLevel {
         /// The level, from 1.
         level: usize,
@@ -86,83 +89,43 @@ pub enum Evidence {
         dof: Dof,
     },
     /// Conjugate gradients met a direction p with `pᵀAp ≤ 0`.
+    #[error(
+        "conjugate gradients met negative curvature in iteration {iteration}, pᵀAp/pᵀp = {rayleigh_quotient:.3e} N/m"
+    )]
     NegativeCurvature {
         /// Iteration in which it was met, from 0.
         iteration: u64,
         /// `pᵀAp/pᵀp`, in N/m.
         rayleigh_quotient: f64,
     },
-    /// Conjugate gradients of another library met such a direction, which they do not hand out.
+    /// As above, by another library that does not return the direction.
+    #[error("conjugate gradients met negative curvature in iteration {iteration}")]
     Curvature {
         /// Iteration in which it was met, from 0.
         iteration: u64,
     },
-    /// A solver says so, without saying where.
+    /// Reported by a solver without details.
+    #[error("the solver found it so")]
     Reported,
 }
 
 impl SolveFailure {
-    /// What a solver of one's own says of a matrix that it finds not to be positive definite, so that
-    /// [`OnDemand`](crate::integrate::StiffnessPolicy::OnDemand) goes on with a softer one.
+    /// Returned by a custom solver for a matrix that is not positive definite, so that
+    /// [`OnDemand`](crate::integrate::StiffnessPolicy::OnDemand) goes on with a regularized one.
     pub const INDEFINITE: Self = Self::Indefinite(Evidence::Reported);
 }
 
-impl std::fmt::Display for Evidence {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Pivot(dof) => write!(f, "the pivot of {dof} is not positive"),
-            Self::DiagonalBlock(dof) => write!(f, "the diagonal block at {dof} is not positive definite"),
-            Self::CoarseLevel { level, dof } => {
-                write!(f, "coarse level {level} of multigrid is not positive definite near {dof}")
-            }
-            Self::Reported => f.write_str("the solver found it so"),
-            Self::Curvature { iteration } => {
-                write!(f, "conjugate gradients met negative curvature in iteration {iteration}")
-            }
-            Self::NegativeCurvature { iteration, rayleigh_quotient } => {
-                write!(
-                    f,
-                    "conjugate gradients met negative curvature in iteration {iteration}, pᵀAp/pᵀp = {rayleigh_quotient:.3e} N/m"
-                )
-            }
-        }
-    }
-}
-
-/// What stopped conjugate gradients short of the tolerance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// The reason why conjugate gradients ended above the tolerance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NotConverged {
-    /// The true residual does not fall any more: rounding is in the way.
+    /// Rounding keeps the true residual from falling.
+    #[error("stagnated")]
     Stagnated,
     /// The iteration limit.
+    #[error("reached its iteration limit")]
     IterationLimit,
     /// The preconditioner is not positive definite, or could not be set up.
+    #[error("were given a preconditioner that failed")]
     Preconditioner,
-}
-
-impl std::fmt::Display for NotConverged {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Stagnated => "stagnated",
-            Self::IterationLimit => "reached its iteration limit",
-            Self::Preconditioner => "were given a preconditioner that failed",
-        })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A failed iteration says how far it came and what stopped it.
-    #[test]
-    fn messages_say_what_stopped_conjugate_gradients() {
-        let message =
-            |reason| SolveFailure::NotConverged { iterations: 7, relative_residual: 1.25e-3, reason }.to_string();
-        let end = "after 7 iterations at a relative residual of 1.250e-3";
-        assert_eq!(message(NotConverged::Stagnated), format!("conjugate gradients stagnated {end}"));
-        let expected = format!("conjugate gradients reached its iteration limit {end}");
-        assert_eq!(message(NotConverged::IterationLimit), expected);
-    }
 }

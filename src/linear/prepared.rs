@@ -1,9 +1,8 @@
-//! What has to be done before a matrix can be solved with, held by types.
+//! Solvers that hold a matrix, enforced by types.
 //!
-//! A solver is given a matrix once and solves with it many times. Most need it again in every solve, for products and residuals, and
-//! it must be the same one. So a solve takes a [`Held`] matrix, which only a [`Prepared`] solver has: nothing can change the matrix
-//! as long as that lives. Who prepares here and solves there owns both in [`MatrixAndSolver`], where the only way to the matrix is to
-//! prepare again.
+//! A solver is updated for a matrix once and solves with it many times, and most solvers read the matrix again in every
+//! solve. So a solve takes a [`PreparedMatrix`], which only a [`Prepared`] solver has: as long as that lives the matrix
+//! cannot change. [`MatrixAndSolver`] owns both; its matrix can only be changed by preparing again.
 
 use super::outcome::{Definiteness, Solution, SolveFailure};
 use super::{FactorReport, LinearSolver};
@@ -12,11 +11,11 @@ use crate::work::Work;
 use nalgebra::Vector3;
 use std::ops::Deref;
 
-/// The matrix that a solver holds.
+/// The matrix for which a solver was prepared.
 #[derive(Clone, Copy)]
-pub struct Held<'a>(pub(super) &'a SystemOperator<'a>);
+pub struct PreparedMatrix<'a>(pub(super) &'a SystemOperator<'a>);
 
-impl<'a> Deref for Held<'a> {
+impl<'a> Deref for PreparedMatrix<'a> {
     type Target = SystemOperator<'a>;
 
     fn deref(&self) -> &Self::Target {
@@ -24,12 +23,12 @@ impl<'a> Deref for Held<'a> {
     }
 }
 
-/// Gives solvers a matrix.
+/// Prepares solvers for a matrix.
 pub trait Prepare: LinearSolver {
-    /// Gives the solver a matrix; what comes back solves with it.
+    /// Updates the solver for a matrix; the result solves with it.
     ///
     /// # Errors
-    /// As of [`LinearSolver::take`].
+    /// As for [`LinearSolver::update`].
     ///
     /// # Examples
     /// ```
@@ -60,8 +59,8 @@ pub trait Prepare: LinearSolver {
         a: &'a SystemOperator<'_>,
         work: &mut Work,
     ) -> Result<Prepared<'a, Self>, SolveFailure> {
-        let definiteness = self.take(a, work)?;
-        Ok(Prepared { solver: self, matrix: Held(a), definiteness })
+        let definiteness = self.update(a, work)?;
+        Ok(Prepared { solver: self, matrix: PreparedMatrix(a), definiteness })
     }
 }
 
@@ -69,34 +68,30 @@ impl<S: LinearSolver + ?Sized> Prepare for S {}
 
 /// A solver that holds a matrix.
 pub struct Prepared<'a, S: ?Sized> {
-    solver: &'a mut S,
-    matrix: Held<'a>,
+    pub(super) solver: &'a mut S,
+    matrix: PreparedMatrix<'a>,
     definiteness: Definiteness,
 }
 
 impl<S: LinearSolver + ?Sized> Prepared<'_, S> {
-    /// What preparing proved of the matrix.
+    /// The definiteness that preparing has proved.
     pub fn definiteness(&self) -> Definiteness {
         self.definiteness
     }
 
-    /// Solves `A x = b`; `b` and `x` are reduced. On entry `x` is the first guess of an iterative solver, or zero where it shall
-    /// find its own.
+    /// Solves `A x = b`, see [`LinearSolver::solve`].
     ///
     /// # Errors
-    /// When no solution can be vouched for; `x` is then unspecified.
+    /// A solution that does not meet the tolerance; `x` is then unspecified.
     pub fn solve(&mut self, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
-        let expected = self.matrix.order();
-        match [b.len(), x.len()].into_iter().find(|&found| found != expected) {
-            Some(found) => Err(SolveFailure::WrongLength { expected, found }),
-            None => self.solver.solve(self.matrix, b, x, work),
-        }
+        self.check_lengths(b, x)?;
+        self.solver.solve(self.matrix, b, x, work)
     }
 
-    /// Solves to a relative residual of `tolerance` and keeps nothing of it, see [`LinearSolver::solve_aside`].
+    /// Solves to a relative residual of `tolerance` without a trace, see [`LinearSolver::solve_aside`].
     ///
     /// # Errors
-    /// As of [`solve`](Self::solve).
+    /// As for [`solve`](Self::solve).
     pub fn solve_aside(
         &mut self,
         b: &[f64],
@@ -104,61 +99,59 @@ impl<S: LinearSolver + ?Sized> Prepared<'_, S> {
         tolerance: f64,
         work: &mut Work,
     ) -> Result<Solution, SolveFailure> {
-        let expected = self.matrix.order();
-        match [b.len(), x.len()].into_iter().find(|&found| found != expected) {
-            Some(found) => Err(SolveFailure::WrongLength { expected, found }),
-            None => self.solver.solve_aside(self.matrix, b, x, tolerance, work),
-        }
+        self.check_lengths(b, x)?;
+        self.solver.solve_aside(self.matrix, b, x, tolerance, work)
     }
 
-    /// The solver, for those who give it no other matrix.
-    pub(super) fn solver(&mut self) -> &mut S {
-        self.solver
+    fn check_lengths(&self, b: &[f64], x: &[f64]) -> Result<(), SolveFailure> {
+        let expected = self.matrix.order();
+        let wrong = [b.len(), x.len()].into_iter().find(|&found| found != expected);
+        wrong.map_or(Ok(()), |found| Err(SolveFailure::WrongLength { expected, found }))
     }
 }
 
-/// A matrix and the solver that it is given to.
+/// A matrix and its solver.
 pub struct MatrixAndSolver<'s> {
     matrix: SystemOperator<'s>,
     solver: Box<dyn LinearSolver + 's>,
-    /// What is known of the matrix that the solver holds; `None` when it holds none, or has refused it.
-    held: Option<Definiteness>,
+    /// `None` while the solver holds no matrix.
+    definiteness: Option<Definiteness>,
 }
 
 impl<'s> MatrixAndSolver<'s> {
-    /// Of a matrix that nobody has been given yet.
+    /// A matrix for which the solver is not prepared yet.
     pub fn new(matrix: SystemOperator<'s>, solver: Box<dyn LinearSolver + 's>) -> Self {
-        Self { matrix, solver, held: None }
+        Self { matrix, solver, definiteness: None }
     }
 
-    /// Changes the matrix and gives it to the solver.
+    /// Changes the matrix and updates the solver.
     ///
     /// # Errors
-    /// As of [`LinearSolver::take`].
+    /// As for [`LinearSolver::update`].
     pub fn prepare(
         &mut self,
         change: impl FnOnce(&mut SystemOperator<'s>),
         work: &mut Work,
     ) -> Result<Definiteness, SolveFailure> {
-        self.held = None;
+        self.definiteness = None;
         change(&mut self.matrix);
-        let definiteness = self.solver.take(&self.matrix, work)?;
-        self.held = Some(definiteness);
+        let definiteness = self.solver.update(&self.matrix, work)?;
+        self.definiteness = Some(definiteness);
         Ok(definiteness)
     }
 
-    /// The solver, holding the matrix; `None` before the matrix is prepared, or where it was refused.
+    /// The solver with its matrix; `None` before the first update and after one that failed.
     pub fn prepared(&mut self) -> Option<Prepared<'_, dyn LinearSolver + 's>> {
-        let definiteness = self.held?;
-        Some(Prepared { solver: &mut *self.solver, matrix: Held(&self.matrix), definiteness })
+        let definiteness = self.definiteness?;
+        Some(Prepared { solver: &mut *self.solver, matrix: PreparedMatrix(&self.matrix), definiteness })
     }
 
-    /// The matrix as it is now.
+    /// The matrix.
     pub fn matrix(&self) -> &SystemOperator<'s> {
         &self.matrix
     }
 
-    /// The solver: its name, and what it says of itself.
+    /// The solver.
     pub fn solver(&self) -> &(dyn LinearSolver + 's) {
         &*self.solver
     }
@@ -168,9 +161,9 @@ impl<'s> MatrixAndSolver<'s> {
         self.solver.factor()
     }
 
-    /// See [`LinearSolver::place`].
-    pub fn place(&mut self, positions: &[Vector3<f64>]) {
-        self.solver.place(positions);
+    /// See [`LinearSolver::set_positions`].
+    pub fn set_positions(&mut self, positions: &[Vector3<f64>]) {
+        self.solver.set_positions(positions);
     }
 
     /// See [`LinearSolver::set_tolerance`].
@@ -189,30 +182,35 @@ mod tests {
     use crate::system::fixtures::row;
     use std::sync::{Arc, Mutex};
 
-    /// Notes where it is told the particles are.
-    struct Placed(Arc<Mutex<Vec<Vector3<f64>>>>);
+    /// Records the positions that it is given, and refuses every matrix.
+    struct Recorder(Arc<Mutex<Vec<Vector3<f64>>>>);
 
-    impl LinearSolver for Placed {
+    impl LinearSolver for Recorder {
         fn name(&self) -> &'static str {
-            "placed"
+            "recorder"
         }
 
-        fn place(&mut self, positions: &[Vector3<f64>]) {
+        fn set_positions(&mut self, positions: &[Vector3<f64>]) {
             *self.0.lock().unwrap() = positions.to_vec();
         }
 
-        fn take(&mut self, _: &SystemOperator, _: &mut Work) -> Result<Definiteness, SolveFailure> {
+        fn update(&mut self, _: &SystemOperator, _: &mut Work) -> Result<Definiteness, SolveFailure> {
             Err(SolveFailure::NonFinite)
         }
 
-        fn solve(&mut self, _: Held<'_>, _: &[f64], _: &mut [f64], _: &mut Work) -> Result<Solution, SolveFailure> {
+        fn solve(
+            &mut self,
+            _: PreparedMatrix<'_>,
+            _: &[f64],
+            _: &mut [f64],
+            _: &mut Work,
+        ) -> Result<Solution, SolveFailure> {
             Err(SolveFailure::NonFinite)
         }
     }
 
-    /// A factorization has a report, which other solvers do not; those may want to know where the particles are.
     #[test]
-    fn the_solver_is_told_and_asked_through_its_owner() {
+    fn the_owner_forwards_to_its_solver() {
         let (system, state) = row(2);
         let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let matrix = || SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
@@ -221,10 +219,10 @@ mod tests {
         let size = cholesky.size();
         let owner = MatrixAndSolver::new(matrix(), Box::new(cholesky));
         assert_eq!(owner.factor().map(|report| report.size), Some(size));
-        let places = Arc::default();
-        let mut owner = MatrixAndSolver::new(matrix(), Box::new(Placed(Arc::clone(&places))));
-        owner.place(&state.positions);
-        assert_eq!(*places.lock().unwrap(), state.positions);
+        let recorded = Arc::default();
+        let mut owner = MatrixAndSolver::new(matrix(), Box::new(Recorder(Arc::clone(&recorded))));
+        owner.set_positions(&state.positions);
+        assert_eq!(*recorded.lock().unwrap(), state.positions);
         assert!(owner.factor().is_none() && owner.prepare(|_| (), work).is_err() && owner.prepared().is_none());
     }
 }

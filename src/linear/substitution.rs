@@ -1,34 +1,72 @@
-//! Forward and back substitution with a supernodal factor, for one right-hand side b.
+//! Supernodes, and forward and back substitution with a supernodal factor for one right-hand side b.
 //!
 //! ```text
-//! forward, block by block:      w = (b_top, 0),   x_top = L_top⁻¹ w_top,   w_below −= L_below x_top,   b_top = x_top,   b_below += w_below
-//! back, in the reverse order:   w = (b_top, b_below),   b_top = L_top⁻ᵀ (w_top − L_belowᵀ w_below)
+//! forward, by supernodes:      w = (b_top, 0),   x_top = L_top⁻¹ w_top,   w_below −= L_below x_top,   b_top = x_top,   b_below += w_below
+//! back, in reverse order:      w = (b_top, b_below),   b_top = L_top⁻ᵀ (w_top − L_belowᵀ w_below)
 //! ```
 //!
-//! All of L is read twice for two operations a number: a solve takes what L takes to come from memory. So four columns of a block are read side by side,
-//! from the diagonal down, and what they act on is w, which is short; memory is asked for ahead, as columns are short too and
-//! the processor guesses anew at every one. (Blocks of columns in solves: Ng and Peyton, SIAM J. Sci. Comput. 14, 1993. The rest: own, and measured.)
+//! A solve reads all of L twice for two operations a number, so it takes the time of reading L. Four columns are read side
+//! by side (Ng and Peyton, SIAM J. Sci. Comput. 14, 1993), acting on w, which is short, and memory is prefetched, as the
+//! processor's own prefetching starts anew in every short column.
 //!
 //! Every sum is taken in one order, whatever the processor and the number of threads.
 
-use super::supernode::{Supernode, supernodes};
 use crate::operator::prefetch;
-use crate::registers::widely;
-use faer::sparse::linalg::cholesky::SymbolicCholesky;
+use crate::registers::dispatch_simd;
+use faer::sparse::linalg::cholesky::{SymbolicCholesky, SymbolicCholeskyRaw};
 
 /// Columns that are read side by side.
 const COLUMNS: usize = 4;
 
-/// How many numbers ahead memory is asked for, and how many come at once.
+/// Numbers from the one in use to the one prefetched, as measured, and numbers in a cache line.
 const AHEAD: usize = 4096;
 const LINE: usize = 8;
 
-/// What a factor has on its diagonal.
+/// A dense block of a supernodal factor L: a trapezoid whose first `columns` rows are a triangle.
+#[derive(Clone, Copy)]
+pub struct Supernode<'a> {
+    /// Its first column in L.
+    pub first: usize,
+    pub columns: usize,
+    /// The rows below the triangle, in the order of elimination.
+    pub below: &'a [u32],
+    /// The position of its first value; values are stored by columns.
+    pub values: usize,
+}
+
+impl Supernode<'_> {
+    pub fn rows(&self) -> usize {
+        self.columns + self.below.len()
+    }
+
+    /// Position of the diagonal entry of a column among the factor's values; the column's entries below follow it.
+    pub fn diagonal(&self, column: usize) -> usize {
+        self.values + column * self.rows() + column
+    }
+}
+
+/// The supernodes in the order of their columns.
+pub fn supernodes(symbolic: &SymbolicCholesky<u32>) -> impl DoubleEndedIterator<Item = Supernode<'_>> + '_ {
+    let supernodal = match symbolic.raw() {
+        SymbolicCholeskyRaw::Supernodal(supernodal) => Some(supernodal),
+        SymbolicCholeskyRaw::Simplicial(_) => None,
+    };
+    supernodal.into_iter().flat_map(|supernodal| {
+        (0..supernodal.n_supernodes()).map(move |s| {
+            let first = supernodal.supernode_begin()[s] as usize;
+            let columns = supernodal.supernode_end()[s] as usize - first;
+            let below = supernodal.supernode(s).pattern();
+            Supernode { first, columns, below, values: supernodal.col_ptr_for_val()[s] as usize }
+        })
+    })
+}
+
+/// The stored diagonal of a factor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Diagonal {
     /// That of L: `A = L Lᵀ`.
     Roots,
-    /// D, that of L being one: `A = L D Lᵀ`.
+    /// D, where that of L is one: `A = L D Lᵀ`.
     Pivots,
 }
 
@@ -36,24 +74,18 @@ pub enum Diagonal {
 #[derive(Debug, Default)]
 pub struct Substitution {
     /// b, in the order of elimination.
-    ordered: Vec<f64>,
+    pub ordered: Vec<f64>,
     /// w.
-    block: Vec<f64>,
+    pub block: Vec<f64>,
 }
 
 impl Substitution {
-    /// Bytes that it takes.
     pub fn bytes(symbolic: &SymbolicCholesky<u32>) -> u64 {
         8 * (symbolic.nrows() + longest(symbolic)) as u64
     }
 
     pub fn new(symbolic: &SymbolicCholesky<u32>) -> Self {
         Self { ordered: vec![0.0; symbolic.nrows()], block: vec![0.0; longest(symbolic)] }
-    }
-
-    #[cfg(test)]
-    pub fn held(&self) -> usize {
-        size_of_val(&self.ordered[..]) + size_of_val(&self.block[..])
     }
 
     /// `b ← A⁻¹ b`.
@@ -65,7 +97,7 @@ impl Substitution {
             *ordered = b[row(k)];
         }
         let pass = Pass { symbolic, values, diagonal };
-        widely(
+        dispatch_simd(
             #[inline(always)]
             || pass.solve(ordered, block),
         );
@@ -75,12 +107,12 @@ impl Substitution {
     }
 }
 
-/// Rows of the longest block.
+/// Rows of the longest supernode.
 fn longest(symbolic: &SymbolicCholesky<u32>) -> usize {
     supernodes(symbolic).map(|s| s.rows()).max().unwrap_or(0)
 }
 
-/// What a solve reads.
+/// The input of a solve.
 #[derive(Clone, Copy)]
 struct Pass<'a> {
     symbolic: &'a SymbolicCholesky<u32>,
@@ -89,7 +121,7 @@ struct Pass<'a> {
 }
 
 impl Pass<'_> {
-    /// `b ← A⁻¹ b` in the order of elimination, with room for the longest block in w.
+    /// `b ← A⁻¹ b` in the order of elimination; w has the rows of the longest supernode.
     #[inline(always)]
     fn solve(self, b: &mut [f64], w: &mut [f64]) {
         let Self { symbolic, values, diagonal } = self;
@@ -132,16 +164,16 @@ impl Pass<'_> {
     }
 }
 
-/// N columns of a block side by side, from the diagonal of the first one down.
+/// N columns of a supernode side by side, from the diagonal of the first one down.
 #[derive(Clone, Copy)]
 struct Columns<'v, const N: usize> {
-    /// Of each column the N rows at the top.
+    /// The N rows at the top of each column.
     top: [&'v [f64]; N],
-    /// The rows below, by fours, and those that are left.
+    /// The rows below in fours, and the rest.
     fours: [&'v [[f64; 4]]; N],
     rest: [&'v [f64]; N],
     values: &'v [f64],
-    /// Where the first begins among the values.
+    /// The position of the first value.
     start: usize,
 }
 
@@ -154,7 +186,7 @@ impl<'v, const N: usize> Columns<'v, N> {
             let column = &values[s.diagonal(first) + n * s.rows()..][..N + below];
             top[n] = &column[..N];
             let (by_fours, left) = column[N..].as_chunks();
-            // The lengths once more, so that they need not be looked at in every row.
+            // These lengths let the compiler drop bounds checks.
             (fours[n], rest[n]) = (&by_fours[..below / 4], &left[..below % 4]);
         }
         Self { top, fours, rest, values, start: s.diagonal(first) }
@@ -177,7 +209,7 @@ impl<'v, const N: usize> Columns<'v, N> {
         let (chunks, left) = below.as_chunks_mut::<4>();
         for row in 0..chunks.len() {
             if row % 2 == 0 {
-                self.ask_for(row / 2, AHEAD);
+                self.prefetch(row / 2, AHEAD);
             }
             let mut sum = chunks[row];
             for n in 0..N {
@@ -201,10 +233,10 @@ impl<'v, const N: usize> Columns<'v, N> {
         let (top, below) = w.split_at_mut(N);
         let (chunks, left) = below.as_chunks::<4>();
         let (pairs, odd) = chunks.as_chunks();
-        // Two sums of four a column: one waits while the other is added to.
+        // Two sums of four a column hide the latency of additions.
         let mut sums = [[[0.0; 4]; 2]; N];
         for (pair, [first, second]) in pairs.iter().enumerate() {
-            self.ask_for(pair, AHEAD.wrapping_neg());
+            self.prefetch(pair, AHEAD.wrapping_neg());
             for n in 0..N {
                 for k in 0..4 {
                     sums[n][0][k] += fours[n][2 * pair][k] * first[k];
@@ -235,12 +267,12 @@ impl<'v, const N: usize> Columns<'v, N> {
         }
     }
 
-    /// While the eight rows with this number are read, asks for as many numbers of the memory that is `away` from the first column: after all rows
-    /// as much has been asked for as the columns hold, in one piece.
+    /// Prefetches `ahead` numbers from the start, a line for every column and eight rows: after all rows this covers
+    /// as much memory as the columns hold.
     #[inline(always)]
-    fn ask_for(&self, eight: usize, away: usize) {
+    fn prefetch(&self, eight: usize, ahead: usize) {
         for n in 0..N {
-            if let Some(value) = self.values.get((self.start + (eight * N + n) * LINE).wrapping_add(away)) {
+            if let Some(value) = self.values.get((self.start + (eight * N + n) * LINE).wrapping_add(ahead)) {
                 prefetch(value);
             }
         }
@@ -248,4 +280,56 @@ impl<'v, const N: usize> Columns<'v, N> {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::assembly::SymmetricMatrix;
+    use crate::linear::fixtures::{banded, noise};
+    use crate::linear::{Factorization, Ldl, Llt, SolvingKind, norm};
+    use crate::operator::LinearOperator;
+    use faer::Par;
+    use std::collections::BTreeSet;
+
+    /// Narrow and wide bands of more and more particles.
+    fn matrices(diagonal: fn(usize) -> f64) -> impl Iterator<Item = SymmetricMatrix> {
+        let sizes = [1, 2, 3, 4, 5, 7, 11, 16, 25, 60];
+        sizes.into_iter().flat_map(|particles| [1, 2, 3, 5, 9].map(|width| (particles, width))).map(
+            move |(particles, width)| {
+                banded(particles, width, |row, column| {
+                    noise(row, column) + if row == column { diagonal(row) } else { 0.0 }
+                })
+            },
+        )
+    }
+
+    fn factored<K: SolvingKind>(a: &SymmetricMatrix) -> Factorization<K> {
+        let mut factorization = Factorization::analyse(a.pattern(), Par::Seq).unwrap();
+        assert!(factorization.run(a).is_ok());
+        factorization
+    }
+
+    fn is_solved<K: SolvingKind>(a: &SymmetricMatrix) {
+        let expected: Vec<f64> = (0..a.pattern().order()).map(|row| noise(row, 3)).collect();
+        let mut x = expected.clone();
+        a.apply(&expected, &mut x);
+        factored::<K>(a).substitute(&mut x);
+        let error: Vec<f64> = x.iter().zip(&expected).map(|(x, expected)| x - expected).collect();
+        assert!(norm(&error) < 1e-13 * norm(&expected), "{} rows: {:e}", x.len(), norm(&error) / norm(&expected));
+    }
+
+    /// All remainders of columns and rows by four occur. The diagonal outweighs every row, so that only last digits are lost.
+    #[test]
+    fn solutions_are_those_of_the_matrix() {
+        let (mut columns, mut rows) = (BTreeSet::new(), BTreeSet::new());
+        for a in matrices(|_| 40.0) {
+            is_solved::<Llt>(&a);
+            for s in supernodes(&factored::<Llt>(&a).analysis.symbolic) {
+                columns.insert(s.columns % COLUMNS);
+                rows.insert(s.below.len() % 4);
+            }
+        }
+        assert!(columns.len() == 4 && rows.len() == 4, "{columns:?} {rows:?}");
+        for a in matrices(|row| if row % 3 == 1 { -40.0 } else { 40.0 }) {
+            is_solved::<Ldl>(&a);
+        }
+    }
+}

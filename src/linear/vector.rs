@@ -1,13 +1,55 @@
-//! The vector operations of conjugate gradients: parallel, fused where they read the same vectors, and the same to the bit
-//! for any number of threads, as [inner products](crate::operator::dot) are.
+//! Norms, error measures and the fused vector operations of conjugate gradients: parallel, and the same to the bit for
+//! any number of threads, as [inner products](crate::operator::dot) are.
 
+pub use crate::operator::dot;
 use crate::operator::inner_product::{PIECE, SERIAL, both, dot_piece, middle};
-use crate::registers::widely;
+use crate::registers::dispatch_simd;
+
+/// The Euclidean norm.
+#[inline]
+pub fn norm(a: &[f64]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+/// The largest magnitude; NaN if there is one.
+fn max_norm(a: &[f64]) -> f64 {
+    a.iter().fold(0.0, |largest, &value| if value.abs() <= largest { largest } else { value.abs() })
+}
+
+/// The normwise backward error `‖r‖/(‖A‖‖x‖ + ‖b‖)` in the maximum norm (Rigal and Gaches 1967): the smallest relative
+/// change of A and b that makes x exact. Zero when everything is zero.
+///
+/// # Examples
+/// ```
+/// use sprung::linear::backward_error;
+///
+/// // 2 x = 1, solved as x = 0.5 + 1e-17: as good as a solution can be.
+/// let x = 0.5 + 1e-17;
+/// assert!(backward_error(&[1.0 - 2.0 * x], 2.0, &[x], &[1.0]) <= f64::EPSILON);
+/// ```
+pub fn backward_error(residual: &[f64], matrix_norm: f64, x: &[f64], b: &[f64]) -> f64 {
+    let residual = max_norm(residual);
+    if residual == 0.0 { 0.0 } else { residual / (matrix_norm * max_norm(x) + max_norm(b)) }
+}
+
+/// The power of two that scales a right-hand side before `A x = b` is solved, so that no product under- or overflows:
+/// 1 for norms between 1e-100 and 1e100, otherwise one that makes the largest entry about 1. Powers of two round nothing.
+pub(super) fn scaling(b: &[f64]) -> f64 {
+    if (1e-100..1e100).contains(&norm(b)) {
+        return 1.0;
+    }
+    let largest = max_norm(b);
+    if largest == 0.0 || !largest.is_finite() {
+        return 1.0;
+    }
+    // The inverse of a number below 2⁻¹⁰²² would overflow.
+    (-largest.log2().round()).clamp(-1020.0, 1020.0).exp2()
+}
 
 /// `r −= α q`; returns `rᵀr`.
-pub fn descend(alpha: f64, q: &[f64], r: &mut [f64]) -> f64 {
+pub(super) fn descend(alpha: f64, q: &[f64], r: &mut [f64]) -> f64 {
     if r.len() <= PIECE {
-        return widely(
+        return dispatch_simd(
             #[inline(always)]
             || {
                 for (r, q) in r.iter_mut().zip(q) {
@@ -24,9 +66,9 @@ pub fn descend(alpha: f64, q: &[f64], r: &mut [f64]) -> f64 {
 }
 
 /// `x += α p`, then `p = z + β p`.
-pub fn advance(alpha: f64, beta: f64, z: &[f64], p: &mut [f64], x: &mut [f64]) {
+pub(super) fn advance(alpha: f64, beta: f64, z: &[f64], p: &mut [f64], x: &mut [f64]) {
     if p.len() <= SERIAL {
-        return widely(
+        return dispatch_simd(
             #[inline(always)]
             || {
                 for ((x, p), z) in x.iter_mut().zip(p.iter_mut()).zip(z) {
@@ -42,9 +84,9 @@ pub fn advance(alpha: f64, beta: f64, z: &[f64], p: &mut [f64], x: &mut [f64]) {
 }
 
 /// `r = s b − q`; returns `rᵀr`.
-pub fn subtract(s: f64, b: &[f64], q: &[f64], r: &mut [f64]) -> f64 {
+pub(super) fn subtract(s: f64, b: &[f64], q: &[f64], r: &mut [f64]) -> f64 {
     if r.len() <= PIECE {
-        return widely(
+        return dispatch_simd(
             #[inline(always)]
             || {
                 for ((r, b), q) in r.iter_mut().zip(b).zip(q) {
@@ -63,24 +105,26 @@ pub fn subtract(s: f64, b: &[f64], q: &[f64], r: &mut [f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::operator::dot;
 
     fn vector(length: usize, seed: f64) -> Vec<f64> {
         (0..length).map(|i| ((i as f64 + 0.5) * seed).sin()).collect()
     }
 
-    /// On lengths around every boundary, against the plain loops and, for the sums, their rounding bound.
+    /// On lengths around every boundary, against plain loops and the rounding bound of their sums.
     #[test]
     fn operations_agree_with_plain_loops() {
         for length in [0, 1, 15, 16, 17, PIECE - 1, PIECE, PIECE + 1, 3 * PIECE + 5, SERIAL, SERIAL + 1, 5 * SERIAL + 7]
         {
             let (p, q, b) = (vector(length, 0.7), vector(length, 1.3), vector(length, 2.9));
+            let bound = length as f64 * f64::EPSILON;
+            let products = || p.iter().zip(&q).map(|(p, q)| p * q);
+            let magnitude: f64 = products().map(f64::abs).sum();
+            assert!((dot(&p, &q) - products().sum::<f64>()).abs() <= bound * magnitude);
             let (mut x, mut r) = (vector(length, 0.3), b.clone());
             let (x0, alpha, beta) = (x.clone(), 0.37, -1.7);
             let squares = descend(alpha, &q, &mut r);
             assert!((0..length).all(|i| r[i] == b[i] - alpha * q[i]));
             let plain: f64 = r.iter().map(|r| r * r).sum();
-            let bound = length as f64 * f64::EPSILON;
             assert!((squares - plain).abs() <= bound * plain);
             assert_eq!(squares, dot(&r, &r));
             let mut direction = p.clone();
@@ -99,5 +143,26 @@ mod tests {
             pool.install(|| dot(&a, &b)).to_bits()
         });
         assert!(sums.iter().all(|&sum| sum == sums[0]));
+    }
+
+    #[test]
+    fn right_hand_sides_are_scaled_to_about_one() {
+        for plain in [0.0, 1e-99, 1.0, -0.9e100, f64::INFINITY, f64::NAN] {
+            assert_eq!(scaling(&[plain]), 1.0, "{plain}");
+        }
+        for odd in [1e-101, -3e-160, 1e-306, 1e101, 1.7e308] {
+            let s = scaling(&[odd, 0.5 * odd]);
+            assert!((1e-3..=20.0).contains(&(s * odd).abs()), "{odd}: {s}");
+            assert_eq!(s.log2().fract(), 0.0);
+            assert_eq!(s * odd / s, odd);
+        }
+        assert!(scaling(&[5e-324]).is_finite() && scaling(&[]) == 1.0);
+    }
+
+    /// 2 against 3·4 + 8.
+    #[test]
+    fn backward_errors_are_relative_to_matrix_and_right_hand_side() {
+        assert_eq!(backward_error(&[0.5, -2.0], 3.0, &[4.0, 1.0], &[-8.0, 0.0]), 0.1);
+        assert_eq!(backward_error(&[0.0, 0.0], 0.0, &[0.0, 0.0], &[0.0, 0.0]), 0.0);
     }
 }

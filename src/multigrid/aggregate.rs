@@ -1,17 +1,69 @@
-//! Aggregation: which nodes become one node of the next coarser level.
+//! Graphs of coupled nodes, and the aggregation of nodes for the next coarser level.
 //!
-//! Algorithm 5.1 of Vaněk, Mandel and Brezina (1996), on the graph of couplings alone: it needs no matrix, so it is done
-//! once a scene. An edge of weight w_ij is strong where `w_ij² ≥ θ² w_i w_j`, w_i the largest weight at i. The weights are
+//! Algorithm 5.1 of Vaněk, Mandel and Brezina (1996), on the graph of couplings alone, once a scene. An edge of weight w_ij is strong where `w_ij² ≥ θ² w_i w_j`, w_i the largest weight at i. The weights are
 //! those of the springs, k/l0, on the finest level and their sums over the edges between two aggregates on the others.
 
-use super::graph::Graph;
+use crate::operator::group;
 
-/// θ. Weights that differ by less than a hundredfold count as equal: aggregates are then as round as the graph lets them be.
+/// θ. Weights that differ by less than a hundredfold count as equal, which keeps aggregates round.
 const STRENGTH: f64 = 0.01;
 
 const NONE: u32 = u32::MAX;
 
-/// The aggregate of every node.
+/// A weighted undirected graph: the neighbours of every node, ascending, without loops and repeats.
+#[derive(Debug, Clone)]
+pub(super) struct Graph {
+    starts: Vec<usize>,
+    neighbours: Vec<u32>,
+    weights: Vec<f64>,
+}
+
+impl Graph {
+    /// From weighted edges; the weights of repeated edges are added up, loops are dropped.
+    pub fn new(nodes: usize, edges: impl Iterator<Item = (u32, u32, f64)> + Clone) -> Self {
+        let ends = |(i, j, weight)| [(i as usize, (j, weight)), (j as usize, (i, weight))];
+        let (starts, mut unsorted) = group(nodes, || edges.clone().filter(|&(i, j, _)| i != j).flat_map(ends));
+        let mut graph = Self { starts: Vec::with_capacity(nodes + 1), neighbours: Vec::new(), weights: Vec::new() };
+        graph.starts.push(0);
+        for node in 0..nodes {
+            let mine = &mut unsorted[starts[node]..starts[node + 1]];
+            // A stable sort keeps the order in which the weights of repeats are added up.
+            mine.sort_by_key(|&(neighbour, _)| neighbour);
+            for repeats in mine.chunk_by(|a, b| a.0 == b.0) {
+                graph.neighbours.push(repeats[0].0);
+                graph.weights.push(repeats.iter().map(|&(_, weight)| weight).sum());
+            }
+            graph.starts.push(graph.neighbours.len());
+        }
+        graph
+    }
+
+    pub fn nodes(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    pub fn neighbours(&self, node: usize) -> &[u32] {
+        &self.neighbours[self.starts[node]..self.starts[node + 1]]
+    }
+
+    pub fn edges(&self, node: usize) -> impl Iterator<Item = (usize, f64)> + Clone {
+        let range = self.starts[node]..self.starts[node + 1];
+        self.neighbours[range.clone()]
+            .iter()
+            .map(|&neighbour| neighbour as usize)
+            .zip(self.weights[range].iter().copied())
+    }
+
+    /// The graph of groups of nodes, coupled by all edges between their members. Nodes without a group are dropped.
+    pub fn quotient(&self, groups: usize, group: impl Fn(usize) -> Option<u32> + Copy) -> Self {
+        let edges = (0..self.nodes()).flat_map(move |i| {
+            let later = self.edges(i).filter(move |&(j, _)| i < j);
+            later.filter_map(move |(j, weight)| Some((group(i)?, group(j)?, weight)))
+        });
+        Self::new(groups, edges)
+    }
+}
+
 #[derive(Debug, Clone)]
 pub(super) struct Aggregates {
     of_node: Vec<u32>,
@@ -19,8 +71,8 @@ pub(super) struct Aggregates {
 }
 
 impl Aggregates {
-    /// Aggregates a graph. A node without neighbours gets none: its equations stand alone, and smoothing solves them.
-    pub fn of(graph: &Graph) -> Self {
+    /// Aggregates a graph. A node without neighbours gets no aggregate: smoothing solves its equations.
+    pub fn new(graph: &Graph) -> Self {
         let largest: Vec<f64> = (0..graph.nodes())
             .map(|node| graph.edges(node).fold(0.0, |largest, (_, w)| f64::max(largest, w)))
             .collect();
@@ -29,7 +81,6 @@ impl Aggregates {
         let mut of_node = vec![NONE; graph.nodes()];
         let mut count = 0;
 
-        // Whole neighbourhoods, as many as fit side by side.
         for root in 0..graph.nodes() {
             let mut others = strong(root).peekable();
             if of_node[root] == NONE && others.peek().is_some() && strong(root).all(|j| of_node[j] == NONE) {
@@ -38,7 +89,7 @@ impl Aggregates {
                 count += 1;
             }
         }
-        // What lies between them joins the aggregate to which it is coupled most stiffly.
+        // A node between them joins the aggregate to which it is coupled most stiffly.
         let neighbourhoods = of_node.clone();
         for node in (0..graph.nodes()).filter(|&node| neighbourhoods[node] == NONE) {
             let mut joined = graph.edges(node).filter(|&(j, _)| neighbourhoods[j] != NONE);
@@ -46,7 +97,7 @@ impl Aggregates {
                 of_node[node] = neighbourhoods[j];
             }
         }
-        // What is left is far from every whole neighbourhood. No aggregate is a single node, so each level at least halves.
+        // The rest is far from every neighbourhood. No aggregate is a single node, so each level at least halves.
         for root in 0..graph.nodes() {
             if of_node[root] != NONE {
                 continue;
@@ -66,21 +117,14 @@ impl Aggregates {
         Self { of_node, count: count as usize }
     }
 
-    /// Number of aggregates.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// The aggregate of a node, if it has one.
     #[inline]
     pub fn of_node(&self, node: usize) -> Option<u32> {
         let aggregate = self.of_node[node];
         (aggregate != NONE).then_some(aggregate)
-    }
-
-    /// Bytes held.
-    pub fn bytes(&self) -> usize {
-        size_of_val(&self.of_node[..])
     }
 }
 
@@ -94,7 +138,7 @@ mod tests {
     use super::{Aggregates, Graph};
 
     fn aggregates(nodes: usize, edges: &[(u32, u32, f64)]) -> (usize, Vec<Option<u32>>) {
-        let aggregates = Aggregates::of(&Graph::new(nodes, edges.iter().copied()));
+        let aggregates = Aggregates::new(&Graph::new(nodes, edges.iter().copied()));
         (aggregates.count(), (0..nodes).map(|node| aggregates.of_node(node)).collect())
     }
 
@@ -109,9 +153,8 @@ mod tests {
         assert_eq!(pairs(100.0, 1000.0), (2, apart.to_vec()));
     }
 
-    /// Two stiff chains of three; the third node of each is between neighbourhoods and joins its chain. Soft edges lead from there to
-    /// nodes 6 to 9, all of them weak: 6 and 7 have each other and become an aggregate, 8 joins what it is coupled to most stiffly,
-    /// and 9, which has a choice, the first. Node 10 has no neighbours.
+    /// Two stiff chains of three; weak edges lead to nodes 6 to 9: 6 and 7 become an aggregate, 8 joins its stiffest
+    /// neighbour, and 9 the first of two. Node 10 has no neighbours.
     #[test]
     fn what_is_far_from_every_neighbourhood_is_aggregated_last() {
         let stiff = 1e6;

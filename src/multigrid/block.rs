@@ -1,10 +1,9 @@
 //! Arithmetic of small dense blocks, by rows, in double or single precision.
 //!
-//! The products sum in local copies: sums that live in registers are what compilers make vector instructions of.
+//! The products sum in local copies, which compilers vectorize.
 
 use std::ops::{AddAssign, Mul, SubAssign};
 
-/// An R × C block.
 pub(super) type Block<const R: usize, const C: usize, T = f64> = [[T; C]; R];
 
 /// `f64` for set-up, `f32` for cycles.
@@ -13,7 +12,6 @@ pub(super) trait Real: Copy + Default + Send + Sync + Mul<Output = Self> + AddAs
 impl Real for f64 {}
 impl Real for f32 {}
 
-/// The zero block.
 #[inline(always)]
 pub(super) fn zero<const R: usize, const C: usize, T: Real>() -> Block<R, C, T> {
     [[T::default(); C]; R]
@@ -103,7 +101,6 @@ pub(super) fn apply<const R: usize, const C: usize, T: Real>(a: &Block<R, C, T>,
     y
 }
 
-/// In double precision.
 #[inline(always)]
 pub(super) fn double<const R: usize, const C: usize>(a: &Block<R, C, f32>) -> Block<R, C> {
     let mut double = zero();
@@ -149,32 +146,32 @@ pub(super) fn shifted<const N: usize>(a: &Block<N, N>, shift: f64) -> Block<N, N
     shifted
 }
 
-/// What is nothing beside one: processors take very long for products and sums below 1e-38.
-pub(super) const NOTHING: f64 = 1e-25;
+/// Entries below this are set to zero: arithmetic with numbers below 1e-38 is slow.
+pub(super) const NEGLIGIBLE: f64 = 1e-25;
 
-/// `factor·A`, whose largest entries are about one, in single precision; zeros for what is nothing beside them.
+/// `factor·A` in single precision, where its largest entries are about one; [`NEGLIGIBLE`] entries become zero.
 #[inline(always)]
 pub(super) fn single<const R: usize, const C: usize>(factor: f64, a: &Block<R, C>) -> Block<R, C, f32> {
     let mut single = zero();
     for r in 0..R {
         for c in 0..C {
             let entry = factor * a[r][c];
-            single[r][c] = if entry.abs() < NOTHING { 0.0 } else { entry as f32 };
+            single[r][c] = if entry.abs() < NEGLIGIBLE { 0.0 } else { entry as f32 };
         }
     }
     single
 }
 
-/// The block with zeros for what is nothing beside one.
+/// The block with zeros for [`NEGLIGIBLE`] entries.
 #[inline(always)]
-pub(super) fn settled<const R: usize, const C: usize>(a: &Block<R, C, f32>) -> Block<R, C, f32> {
-    let mut settled = *a;
-    for entry in settled.as_flattened_mut() {
-        if entry.abs() < NOTHING as f32 {
+pub(super) fn without_negligible<const R: usize, const C: usize>(a: &Block<R, C, f32>) -> Block<R, C, f32> {
+    let mut without_negligible = *a;
+    for entry in without_negligible.as_flattened_mut() {
+        if entry.abs() < NEGLIGIBLE as f32 {
             *entry = 0.0;
         }
     }
-    settled
+    without_negligible
 }
 
 /// `Σ x_i²`.
@@ -183,14 +180,14 @@ pub(super) fn norm_squared(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum()
 }
 
-/// A pivot that is not positive; `f64::NAN` or infinite where the matrix is not finite.
+/// A pivot that is not positive; NaN or infinite where the matrix is not finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct BadPivot {
     pub index: usize,
     pub pivot: f64,
 }
 
-/// Whether a symmetric block is positive definite, by its pivots; the lower triangle is read.
+/// Whether a symmetric block is positive definite; the lower triangle is read.
 #[inline(always)]
 pub(super) fn is_definite<const N: usize>(a: &Block<N, N>) -> bool {
     let mut rest = *a;
@@ -204,8 +201,8 @@ pub(super) fn is_definite<const N: usize>(a: &Block<N, N>) -> bool {
     })
 }
 
-/// The inverse of a symmetric positive definite block, `A⁻¹ = L⁻ᵀ D⁻¹ L⁻¹` with `A = L D Lᵀ`; the lower triangle is read. Roots, which take longer than
-/// all else, are not needed.
+/// The inverse of a symmetric positive definite block, `A⁻¹ = L⁻ᵀ D⁻¹ L⁻¹` with the root-free `A = L D Lᵀ`; the lower
+/// triangle is read.
 pub(super) fn inverse<const N: usize>(a: &Block<N, N>) -> Result<Block<N, N>, BadPivot> {
     // L is inverted as it is made: row i of L⁻¹ needs the rows above only.
     let mut l: Block<N, N> = zero();
@@ -237,6 +234,14 @@ pub(super) fn inverse<const N: usize>(a: &Block<N, N>) -> Result<Block<N, N>, Ba
     Ok(inverse)
 }
 
+/// Added to diagonal blocks, whose largest of a level is about one: f32 ends at 1e38.
+pub(super) const LEAST_DIAGONAL: f64 = 1e-30;
+
+/// The inverse of a diagonal block.
+pub(super) fn inverse_of<const N: usize>(block: &Block<N, N>) -> Result<Block<N, N>, BadPivot> {
+    inverse(&shifted(block, LEAST_DIAGONAL))
+}
+
 #[cfg(test)]
 mod tests {
     use super::{
@@ -262,11 +267,11 @@ mod tests {
         assert_eq!(norm_squared(&[3.0, -4.0]), 25.0);
     }
 
-    /// Numbers below 1e-38 would take processors long; what is not a number stays to be found.
+    /// NaN stays.
     #[test]
-    fn entries_that_are_nothing_beside_one_are_zero() {
-        let [[nothing, small, large, undefined]] = single(2.0, &[[-4.9e-26, -5.1e-26, 3.0, f64::NAN]]);
-        assert_eq!([nothing, small, large], [0.0, -1.02e-25, 6.0]);
+    fn negligible_entries_are_zero() {
+        let [[negligible, small, large, undefined]] = single(2.0, &[[-4.9e-26, -5.1e-26, 3.0, f64::NAN]]);
+        assert_eq!([negligible, small, large], [0.0, -1.02e-25, 6.0]);
         assert!(undefined.is_nan());
     }
 
@@ -293,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn pivots_that_are_not_positive_are_told() {
+    fn pivots_that_are_not_positive_are_returned() {
         assert_eq!(inverse(&[[1.0, 0.0], [2.0, 4.0]]), Err(BadPivot { index: 1, pivot: 0.0 }));
         assert_eq!(inverse(&[[-1.0]]), Err(BadPivot { index: 0, pivot: -1.0 }));
         assert_eq!(inverse(&[[f64::INFINITY]]), Err(BadPivot { index: 0, pivot: f64::INFINITY }));

@@ -1,35 +1,32 @@
 //! The finest level: the system's A as a sparse matrix of whole blocks, a row for every particle that can move.
 //!
-//! Blocks have as many rows as the scene has dimensions. An axis that is prescribed keeps its row, with the equation x = 0:
-//! this makes all blocks equal, and costs nothing where whole particles are prescribed, for they have no row.
+//! Blocks have as many rows as the scene has dimensions. A prescribed axis keeps its row, with the equation x = 0, so that
+//! all blocks are equal; particles that are wholly prescribed have no row.
 
+use super::aggregate::Graph;
 use super::block::{Block, zero};
-use super::graph::Graph;
 use super::modes::{Frame, Frames};
-use super::parallel::{GRAIN, for_each_row};
+use super::parallel::{GRAIN, Starts, Values, for_each_row, for_each_row_of};
 use super::sparse::{Pattern, Rows};
 use crate::error::Result;
-use crate::operator::SystemOperator;
-use crate::parallel::{for_parts, parts, share};
+use crate::operator::{SystemOperator, group};
 use crate::system::{Axes, Dof, System};
 use nalgebra::Vector3;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// A spring seen from a node.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct End {
-    /// The spring's place among the active ones.
     spring: u32,
     /// The node at its other end, or the node itself where nothing can move there.
     other: u32,
 }
 
-/// The nodes of the finest level, in D dimensions.
 #[derive(Debug)]
 pub(super) struct Finest<const D: usize> {
     particles: Vec<u32>,
     free: Vec<Axes>,
+    /// The first reduced row of every node, and the number of rows.
     first_rows: Vec<u32>,
     positions: Vec<[f64; 3]>,
     /// Ends of springs at every node, by the other node.
@@ -39,10 +36,7 @@ pub(super) struct Finest<const D: usize> {
 }
 
 impl<const D: usize> Finest<D> {
-    /// Nodes, all at the origin, and their graph: those that share a spring, with its stiffness k/l0.
-    ///
-    /// # Errors
-    /// More blocks than 32-bit indices can count.
+    /// Nodes, all at the origin, and their graph, weighted by the stiffness k/l0 of springs.
     pub fn new(system: &System) -> Result<(Self, Graph)> {
         let dofs = system.dofs();
         let particles: Vec<u32> =
@@ -53,14 +47,14 @@ impl<const D: usize> Finest<D> {
             columns.push(row as u32);
         })?;
         let free: Vec<Axes> = particles.iter().map(|&p| dofs.free_axes(p as usize)).collect();
-        let first_rows: Vec<u32> = particles.iter().map(|&p| dofs.rows(p as usize).start as u32).collect();
+        let first_rows = particles.iter().map(|&p| dofs.first_row(p as usize)).chain([dofs.len()]);
+        let first_rows: Vec<u32> = first_rows.map(|row| row as u32).collect();
         let positions = vec![[0.0; 3]; particles.len()];
         let pattern = Arc::new(pattern);
         Ok((Self { particles, free, first_rows, positions, starts, ends, pattern }, graph))
     }
 
-    /// Takes over where the particles are, one position for every particle of the system.
-    pub fn place(&mut self, positions: &[Vector3<f64>]) {
+    pub fn set_positions(&mut self, positions: &[Vector3<f64>]) {
         for (place, &particle) in self.positions.iter_mut().zip(&self.particles) {
             if let Some(&position) = positions.get(particle as usize) {
                 *place = position.into();
@@ -68,9 +62,8 @@ impl<const D: usize> Finest<D> {
         }
     }
 
-    /// Length of a reduced vector.
     pub fn unknowns(&self) -> usize {
-        self.free.iter().map(|free| free.count()).sum()
+        self.start(self.particles.len())
     }
 
     /// A power of two that brings the entries of `factor·A` near one.
@@ -81,12 +74,11 @@ impl<const D: usize> Finest<D> {
         near_one(masses.chain(springs).chain(external).fold(0.0, f64::max))
     }
 
-    /// A as its rows.
     pub fn rows<'f>(&'f self, a: &'f SystemOperator<'f>) -> FinestRows<'f, D> {
         FinestRows { finest: self, a }
     }
 
-    /// The coordinate of an unknown, or of the particle's first free axis if there is no such coordinate.
+    /// The coordinate of an unknown, or the particle's first free one.
     pub fn dof(&self, node: usize, axis: Option<usize>) -> Dof {
         let free = self.free.get(node).copied().unwrap_or(Axes::NONE);
         let axis = axis.filter(|&axis| free.contains(axis)).or(free.iter().next()).unwrap_or(0);
@@ -100,7 +92,6 @@ impl<const D: usize> Finest<D> {
             #[inline(always)]
             |node, block| {
                 let (free, values) = (self.free[node], &reduced[self.first_rows[node] as usize..]);
-                // Nearly all particles move along every axis.
                 if let Some(values) = values.first_chunk().filter(|_| free == Axes::first(D)) {
                     *block = values.map(|value: f64| (factor * value) as f32);
                     return;
@@ -113,46 +104,34 @@ impl<const D: usize> Finest<D> {
         );
     }
 
-    /// Back from blocks to a reduced vector.
     pub fn scatter(&self, blocks: &[[f32; D]], factor: f64, reduced: &mut [f64]) {
-        let first_row = |node: usize| self.first_rows.get(node).map_or(0, |&row| row as usize);
-        let middle = |nodes: &Range<usize>, parts: usize| {
-            let at = nodes.start + share(nodes.len(), parts / 2, parts);
-            (at, first_row(at) - first_row(nodes.start))
-        };
-        for_parts(0..blocks.len(), parts(blocks.len(), GRAIN), reduced, &middle, &|nodes, mut values: &mut [f64]| {
-            for node in nodes {
-                let (free, block) = (self.free[node], &blocks[node]);
-                if free == Axes::first(D)
-                    && let Some(mine) = values.split_off_mut(..D).and_then(|mine| mine.first_chunk_mut())
-                {
-                    *mine = block.map(|value| factor * f64::from(value));
-                    continue;
-                }
-                for axis in free.iter() {
-                    if let Some(value) = values.split_off_first_mut() {
-                        *value = factor * f64::from(block[axis]);
+        for_each_row_of(
+            0..blocks.len(),
+            GRAIN,
+            Values(self, reduced),
+            #[inline(always)]
+            |node, values| match values.first_chunk_mut() {
+                Some(values) => *values = blocks[node].map(|value| factor * f64::from(value)),
+                None => {
+                    for (value, axis) in values.iter_mut().zip(self.free[node].iter()) {
+                        *value = factor * f64::from(blocks[node][axis]);
                     }
                 }
-            }
-        });
-    }
-
-    /// Bytes held.
-    pub fn bytes(&self) -> usize {
-        size_of_val(&self.particles[..])
-            + size_of_val(&self.free[..])
-            + size_of_val(&self.first_rows[..])
-            + size_of_val(&self.starts[..])
-            + size_of_val(&self.ends[..])
-            + size_of_val(&self.positions[..])
-            + self.pattern.bytes()
+            },
+        );
     }
 }
 
-/// A power of two by which a number becomes near one; 1 where there is none.
+impl<const D: usize> Starts for Finest<D> {
+    #[inline(always)]
+    fn start(&self, node: usize) -> usize {
+        self.first_rows[node] as usize
+    }
+}
+
+/// The power of two that scales a number to near one; 1 where there is none.
 pub(super) fn near_one(magnitude: f64) -> f64 {
-    // Within the exponents of which the reciprocal exists too.
+    // The reciprocal has to exist too.
     let exponent = magnitude.log2().floor().clamp(-1000.0, 1000.0);
     if exponent.is_nan() { 1.0 } else { (-exponent).exp2() }
 }
@@ -167,7 +146,7 @@ impl<const D: usize, const M: usize> Frames<D, M> for Finest<D> {
     }
 }
 
-/// A, row by row from the blocks of the springs: computing a row again costs less than keeping it.
+/// A, row by row from the blocks of the springs: recomputing a row costs less than storing it.
 pub(super) struct FinestRows<'f, const D: usize> {
     finest: &'f Finest<D>,
     a: &'f SystemOperator<'f>,
@@ -213,7 +192,7 @@ impl<const D: usize> Rows<D> for FinestRows<'_, D> {
     }
 }
 
-/// Zeros the rows and columns of axes that are not free, and puts a number where two of these cross.
+/// Zeros the rows and columns of axes that are not free, and sets their crossings.
 fn restrict<const D: usize>(block: &mut Block<D, D>, rows: Axes, columns: Axes, crossing: f64) {
     for (r, entries) in block.iter_mut().enumerate() {
         for (c, entry) in entries.iter_mut().enumerate() {
@@ -237,17 +216,13 @@ fn springs(system: &System, particles: &[u32]) -> (Graph, Vec<usize>, Vec<End>) 
     let edges: Vec<_> = both_move.map(|(_, [i, j], spring)| (i, j, spring.axial_stiffness())).collect();
     let graph = Graph::new(particles.len(), edges.iter().copied());
 
-    let seen = || springs().flat_map(|(at, [i, j], _)| [(at, i, j), (at, j, i)]).filter(|&(_, node, _)| node != FIXED);
-    let mut starts = vec![0usize; particles.len() + 1];
-    seen().for_each(|(_, node, _)| starts[node as usize + 1] += 1);
-    (0..particles.len()).for_each(|node| starts[node + 1] += starts[node]);
-    let mut next = starts.clone();
-    let mut ends = vec![End { spring: 0, other: 0 }; starts[particles.len()]];
-    for (spring, node, other) in seen() {
-        let place = &mut next[node as usize];
-        ends[*place] = End { spring, other: if other == FIXED { node } else { other } };
-        *place += 1;
-    }
+    let end = |(spring, node, other)| {
+        let other = if other == FIXED { node } else { other };
+        (node as usize, End { spring, other })
+    };
+    let both = || springs().flat_map(|(at, [i, j], _)| [(at, i, j), (at, j, i)]);
+    let ends = || both().filter(|&(_, node, _)| node != FIXED).map(end);
+    let (starts, mut ends) = group(particles.len(), ends);
     for node in 0..particles.len() {
         ends[starts[node]..starts[node + 1]].sort_by_key(|end| end.other);
     }
@@ -260,7 +235,7 @@ mod tests {
     use crate::spring::Spring;
     use crate::system::{Axes, Constraint, Motion, SystemBuilder};
 
-    /// A line whose particles are numbered at random; every fifth is held along an axis, every seventh wholly. Whatever the number of threads, every row gets its own number back, as single precision has it.
+    /// A shuffled line with every fifth particle held along an axis and every seventh wholly, for any number of threads.
     #[test]
     fn vectors_come_back_from_their_blocks() {
         let count = 4001;
@@ -282,11 +257,11 @@ mod tests {
         }
         let (system, _) = builder.build().unwrap();
         let (finest, _) = Finest::<3>::new(&system).unwrap();
-        assert!(finest.first_rows.len() > 3000);
+        assert!(finest.particles.len() > 3000);
         let reduced: Vec<f64> = (0..system.dofs().len()).map(|row| 1.0 + row as f64).collect();
         for threads in [1, 3] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let (mut blocks, mut back) = (vec![[9.0; 3]; finest.first_rows.len()], vec![0.0; reduced.len()]);
+            let (mut blocks, mut back) = (vec![[9.0; 3]; finest.particles.len()], vec![0.0; reduced.len()]);
             pool.install(|| {
                 finest.gather(&reduced, 2.0, &mut blocks);
                 finest.scatter(&blocks, 0.5, &mut back);

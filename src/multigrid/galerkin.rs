@@ -1,16 +1,15 @@
 //! The coarse matrix `A_c = Pᵀ A P + ε Tᵀ A T`: sparsity once, numbers many times.
 //!
 //! `Pᵀ A P` alone is what smoothed aggregation has. But a motion e of the aggregates for which `T e` belongs to an eigenvalue λ of
-//! D⁻¹A with ωλ near 1 is smoothed away: `P e = (1 − ωλ) T e` is nothing but rounding errors, its energy is
-//! `(1 − ωλ)²` times that of `T e`, and the correction that the coarse level finds for it is rounding errors divided by that. Two
-//! particles that move together sideways are enough. Such a motion must not enter the coarse level. It may be shared by many
-//! aggregates, so no look at one of them finds it, but the energy before smoothing tells: with ε of it added, the
-//! energy of e is at least ε times that of T e, its correction is bounded by `(1 − ωλ)²/ε` of what T e would need, and the
-//! rounding errors of P, in single precision, are at most 6e-8/ε of it. Motions that are meant to be corrected here have little energy before
-//! smoothing, a few times what they have after it: for them ε changes nothing.
+//! D⁻¹A with ωλ near 1 is smoothed away: `P e = (1 − ωλ) T e` is mostly rounding errors, its energy is `(1 − ωλ)²` times
+//! that of `T e`, and its correction by the coarse level is rounding errors divided by that. It may be shared by many
+//! aggregates, so no single one shows it, but the energy before smoothing does: with ε of it added, the energy of e is at
+//! least ε times that of T e, its correction is bounded by `(1 − ωλ)²/ε` of what T e would need, and the rounding errors of
+//! P, in single precision, are at most 6e-8/ε of it. Motions to be corrected here have little energy before smoothing, a
+//! few times that after it: for them ε changes nothing.
 //!
-//! Both terms are positive semidefinite where A is, so `A_c` is refused only if A is indefinite. Of its blocks the diagonal ones and those behind
-//! them are summed up, and the others are their transposes.
+//! Both terms are positive semidefinite where A is, so a failure of `A_c` proves that A is indefinite. The diagonal blocks
+//! and those after them are summed up; the others are their transposes.
 
 use super::block::{Block, add_product, add_transposed_product, double, scaled, transposed, zero};
 use super::parallel::{Starts as _, Values, for_each_row_of};
@@ -20,24 +19,22 @@ use crate::error::Result;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// ε. Ten times less changes iteration counts as little, and leaves a digit less of the corrections near ωλ = 1.
+/// ε. A tenth of it changes iteration counts as little, and leaves a digit less of the corrections near ωλ = 1.
 pub(super) const UNSMOOTHED: f64 = 1e-3;
 
-/// Rows of A P and A T that are held at once.
+/// Rows of A P and A T in memory at once.
 const SECTION: usize = 4096;
 
-/// Rows of A_c that one thread sums up at a stretch: few of them have a part in a section.
+/// Least rows of A_c for a thread: few of them have a part in a section.
 const GRAIN: usize = 64;
 
-/// The triple products. What is between, A P and A T, takes several times the memory of P, so it is made section by section.
+/// The triple products. A P and A T take several times the memory of P, so they are computed section by section.
 #[derive(Debug, Clone)]
 pub(super) struct Galerkin<const N: usize, const M: usize> {
-    /// Which blocks A P has.
     product: Pattern,
     sections: Vec<Section>,
     /// The blocks of one section of A P and A T, row by row.
     section: Vec<Block<N, M>>,
-    /// A_c.
     pub coarse: BlockMatrix<M, M>,
 }
 
@@ -49,10 +46,6 @@ struct Section {
 }
 
 impl<const N: usize, const M: usize> Galerkin<N, M> {
-    /// The patterns of A P and A_c.
-    ///
-    /// # Errors
-    /// More blocks than 32-bit indices can count.
     pub fn new(a: &Pattern, prolongator: &Prolongator<N, M>) -> Result<Self> {
         let p = &prolongator.matrix.pattern;
         let columns = prolongator.columns();
@@ -77,7 +70,7 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
         Ok(Self { product, sections, section, coarse })
     }
 
-    /// Recomputes A_c. A motion that an aggregate does not have gets the equation x = 0.
+    /// Recomputes A_c. An absent motion of an aggregate gets the equation x = 0.
     pub fn update(&mut self, a: &impl Rows<N>, prolongator: &Prolongator<N, M>) {
         let (p, coupled) = (&prolongator.matrix, prolongator.coupled());
         let Self { product, sections, section, coarse: BlockMatrix { pattern, values } } = self;
@@ -123,7 +116,7 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
                     for (node, of_node) in prolongator.column_within(row, rows.clone()) {
                         let blocks = &section[both.start(node) - first..both.start(node + 1) - first];
                         let (smoothed, tentative) = blocks.split_at(product.columns(node).len());
-                        let sums = &mut Behind { row, columns: pattern.columns(row), blocks: sums };
+                        let sums = &mut UpperRow { row, columns: pattern.columns(row), blocks: sums };
                         add(sums, &double(of_node), product.columns(node), smoothed);
                         if let Some((aggregate, t)) = prolongator.tentative_row(node)
                             && aggregate as usize == row
@@ -144,17 +137,10 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
             }
         }
     }
-
-    /// Bytes held.
-    pub fn bytes(&self) -> usize {
-        let patterns = self.product.bytes() + self.coarse.pattern.bytes();
-        let sections = size_of_val(&self.section[..]) + size_of_val(&self.sections[..]);
-        patterns + sections + self.coarse.bytes()
-    }
 }
 
-/// A row of A_c, of which the diagonal block and those behind it are summed up.
-struct Behind<'r, const M: usize> {
+/// A row of A_c, of which the diagonal block and those after it are summed up.
+struct UpperRow<'r, const M: usize> {
     row: usize,
     columns: &'r [u32],
     blocks: &'r mut [Block<M, M>],
@@ -162,7 +148,12 @@ struct Behind<'r, const M: usize> {
 
 /// Adds `Pᵀ B` for a block P and the columns and blocks of a row B.
 #[inline(always)]
-fn add<const N: usize, const M: usize>(sums: &mut Behind<M>, p: &Block<N, M>, columns: &[u32], blocks: &[Block<N, M>]) {
+fn add<const N: usize, const M: usize>(
+    sums: &mut UpperRow<M>,
+    p: &Block<N, M>,
+    columns: &[u32],
+    blocks: &[Block<N, M>],
+) {
     let mut slots = Slots::new(sums.columns, sums.blocks);
     for (&column, block) in columns.iter().zip(blocks) {
         if column as usize >= sums.row
@@ -173,7 +164,7 @@ fn add<const N: usize, const M: usize>(sums: &mut Behind<M>, p: &Block<N, M>, co
     }
 }
 
-/// Completes a symmetric matrix: the blocks before the diagonal are the transposes of those behind it.
+/// Completes a symmetric matrix: the blocks before the diagonal are the transposes of those after it.
 fn mirror<const M: usize>(pattern: &Pattern, values: &mut [Block<M, M>]) {
     for row in 0..pattern.rows() {
         let (done, mine) = values.split_at_mut(pattern.row(row).start);
@@ -188,7 +179,7 @@ fn mirror<const M: usize>(pattern: &Pattern, values: &mut [Block<M, M>]) {
     }
 }
 
-/// The blocks of a row, to be found by columns that ascend.
+/// The blocks of a row, found by ascending columns.
 struct Slots<'r, const R: usize, const C: usize> {
     columns: &'r [u32],
     blocks: &'r mut [Block<R, C>],

@@ -1,69 +1,61 @@
 //! The smoother: block Gauss–Seidel, forward before the coarse correction and backward after it.
 //!
 //! With A = L + D + Lᵀ a forward sweep from zero is `x = (D + L)⁻¹ b`, and a backward sweep `x += (D + Lᵀ)⁻¹ (b − A x)`: one is the
-//! transpose of the other, which makes the preconditioner symmetric. Sweeps are sequential. To share them out, rows are cut
-//! into domains, by their number alone; L keeps the blocks within a domain, and rows with blocks E outside have more on the
-//! diagonal, [`D̃ = D + ½ S`](border), so that smoothing converges whatever the domains are.
+//! transpose of the other, which makes the preconditioner symmetric. Sweeps are sequential, so for threads rows are cut into
+//! domains, by their number alone: L has the blocks within a domain, and rows with blocks E outside are damped, with
+//! [`D̃ = D + ½ S`](super::border) on the diagonal, so that smoothing converges for any domains.
 //!
-//! Smoothing takes the time of reading the matrix, so little of it is kept, and in single precision, times a factor that brings
-//! its entries near one: rounding changes a correction by 1e-7 of itself, which conjugate gradients do not notice. Of the two
-//! triangles one is kept. A sweep reads each of its blocks once and uses it twice, for its row and, transposed, for its
-//! column: a forward sweep leaves the residual behind as it goes,
+//! Smoothing takes the time of reading the matrix, so one of the two triangles is stored, in single precision, times a
+//! factor that brings its entries near one: rounding changes a correction by 1e-7 of itself, which conjugate gradients do
+//! not notice. A sweep reads each block once and uses it twice, for its row and, transposed, for its column: a forward sweep
+//! gives the residual as well,
 //!
 //! ```text
 //! r = b − A x = −Lᵀ x − (E − ½ S) x,
 //! ```
 //!
-//! and a backward sweep takes L x of the old x from the rows that it has not reached yet and Lᵀ x of the new x from those that
-//! it has.
-
-mod border;
+//! and a backward sweep uses L x of the old x and Lᵀ x of the new one.
 
 use super::block::{
-    BadPivot, Block, add_transposed_apply, apply, inverse, scaled, shifted, single, subtract_apply, sum, zero,
+    BadPivot, Block, add_transposed_apply, apply, inverse_of, scaled, single, subtract_apply, sum, zero,
 };
+use super::border::Border;
 use super::parallel::{GRAIN, OneEach, Values, for_chunks, for_each_row, for_each_row_of};
 use super::sparse::{BlockMatrix, Pattern, Rows, ahead};
 use crate::error::Result;
 use crate::operator::prefetch_all;
-use border::Border;
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-/// The least rows that a domain has, and the most domains: fewer domains smooth better, more keep more threads busy.
+/// Least rows of a domain, and most domains: fewer smooth better, more keep more threads busy.
 const LEAST_ROWS: usize = 8192;
 const MOST_DOMAINS: usize = 16;
-
-/// The least that a diagonal block counts for beside the largest of the level: f32 ends at 1e38.
-const LEAST_DIAGONAL: f64 = 1e-30;
 
 /// A matrix ready for block Gauss–Seidel.
 #[derive(Debug, Clone)]
 pub(super) struct GaussSeidel<const N: usize> {
     /// Rows of a domain; the last may have fewer.
     domain: usize,
-    /// L.
     lower: Pattern,
     blocks: Vec<Block<N, N, f32>>,
     /// E − ½ S.
     outside: BlockMatrix<N, N, f32>,
     /// D̃⁻¹; zero where D is not positive definite.
     inverses: Vec<Block<N, N, f32>>,
-    /// For every row with blocks outside, what a backward sweep begins with: b less what is outside.
+    /// `b − E x` of every row with blocks outside, for a backward sweep.
     borders: Vec<(u32, [f32; N])>,
-    /// The nodes of a domain, for every thread that sweeps.
-    rooms: Vec<Vec<Node<N>>>,
+    /// The nodes of a domain, for every thread.
+    workspaces: Vec<Vec<Node<N>>>,
 }
 
-/// What a sweep works with of a row, while it is in the domain. It stays in the caches: all that comes from memory and goes there is what is kept, b, x and r.
+/// The data of a row during a sweep over its domain, which stays in the caches.
 #[derive(Debug, Clone, Copy)]
 struct Node<const N: usize> {
     x: [f32; N],
-    /// r of a forward sweep; of a backward one what it begins with, and then what is left of it.
+    /// r of a forward sweep; the remaining right-hand side of a backward one.
     rest: [f32; N],
 }
 
-/// A diagonal block that is not positive definite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct BadBlock {
     pub row: usize,
@@ -71,15 +63,10 @@ pub(super) struct BadBlock {
 }
 
 impl<const N: usize> GaussSeidel<N> {
-    /// For matrices of a pattern.
-    ///
-    /// # Errors
-    /// More blocks than 32-bit indices can count.
     pub fn new(pattern: &Pattern) -> Result<Self> {
         Self::with_domains(pattern, domain(pattern.rows()))
     }
 
-    /// With so many rows a domain.
     pub fn with_domains(pattern: &Pattern, domain: usize) -> Result<Self> {
         let rows = pattern.rows();
         let is_within = |row: usize, column: u32| column as usize / domain == row / domain;
@@ -103,20 +90,15 @@ impl<const N: usize> GaussSeidel<N> {
             outside: BlockMatrix::zeros(Arc::new(outside)),
             inverses: vec![zero(); rows],
             borders,
-            rooms: vec![vec![Node { x: [0.0; N], rest: [0.0; N] }; domain.min(rows)]],
+            workspaces: vec![vec![Node { x: [0.0; N], rest: [0.0; N] }; domain.min(rows)]],
         })
     }
 
-    /// Takes over `factor·A`.
-    ///
-    /// # Errors
-    /// The first diagonal block that is not positive definite.
     pub fn update(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), BadBlock> {
         let Self { domain, lower, blocks, outside, inverses, .. } = self;
         let BlockMatrix { pattern, values } = outside;
-        let refused = zero();
-        let inverse_or_refused =
-            |block: &Block<N, N>| inverse_of(block).map_or(refused, |inverse| single(1.0, &inverse));
+        let failed = zero();
+        let inverse_or_failed = |block: &Block<N, N>| inverse_of(block).map_or(failed, |inverse| single(1.0, &inverse));
         for_each_row_of(
             0..lower.rows(),
             GRAIN,
@@ -130,16 +112,16 @@ impl<const N: usize> GaussSeidel<N> {
                     }
                 };
                 *inverse = if outside.is_empty() {
-                    inverse_or_refused(&take_row(a, row, factor, keep))
+                    inverse_or_failed(&visit_lower(a, row, factor, keep))
                 } else {
                     let border = Border { row, start: row - row % *domain, length: *domain, factor };
-                    let (diagonal, half) = border.take(a, pattern.columns(row), outside, keep);
-                    if inverse_of(&diagonal).is_ok() { inverse_or_refused(&sum(&diagonal, &half)) } else { refused }
+                    let (diagonal, half) = border.update(a, pattern.columns(row), outside, keep);
+                    if inverse_of(&diagonal).is_ok() { inverse_or_failed(&sum(&diagonal, &half)) } else { failed }
                 };
             },
         );
-        let Some(row) = inverses.iter().position(|inverse| *inverse == refused) else { return Ok(()) };
-        inverse_of(&scaled(factor, &diagonal_block(a, row))).map(drop).map_err(|bad| BadBlock { row, bad })
+        let Some(row) = inverses.iter().position(|inverse| *inverse == failed) else { return Ok(()) };
+        inverse_of(&scaled(factor, &a.diagonal_block(row))).map(drop).map_err(|bad| BadBlock { row, bad })
     }
 
     /// `D̃⁻¹` of a row of `factor·A`.
@@ -150,28 +132,20 @@ impl<const N: usize> GaussSeidel<N> {
 
     /// `x = M⁻¹ b`, a forward sweep from zero, and `r = b − A x`.
     pub fn forward(&mut self, b: &[[f32; N]], x: &mut [[f32; N]], r: &mut [[f32; N]]) {
-        let Self { domain, lower, blocks, outside, inverses, rooms, .. } = self;
+        let Self { domain, lower, blocks, outside, inverses, workspaces, .. } = self;
         for_chunks(
             x,
             r,
             *domain,
-            rooms,
+            workspaces,
             #[inline(always)]
             |start, x, r, nodes| {
                 for i in 0..x.len() {
                     let row = start + i;
-                    ask_for(lower.values_of(blocks, row + ahead::<Block<N, N, f32>>()));
-                    let (columns, blocks) = (lower.columns(row), &blocks[lower.row(row)]);
-                    let mut sum = b[row];
-                    for (&column, a) in columns.iter().zip(blocks) {
-                        subtract_apply(&mut sum, a, &nodes[column as usize - start].x);
-                    }
-                    let mine = apply(&inverses[row], &sum);
-                    x[i] = mine;
-                    nodes[i] = Node { x: mine, rest: [0.0; N] };
-                    for (&column, a) in columns.iter().zip(blocks) {
-                        add_transposed_apply(&mut nodes[column as usize - start].rest, a, &mine.map(|x| -x));
-                    }
+                    prefetch(lower.values_of(blocks, row + ahead::<Block<N, N, f32>>()));
+                    let row_blocks = (lower.columns(row), &blocks[lower.row(row)]);
+                    x[i] = relax(b[row], &inverses[row], row_blocks, start, nodes);
+                    nodes[i] = Node { x: x[i], rest: [0.0; N] };
                 }
                 r.iter_mut().zip(&*nodes).for_each(|(r, node)| *r = node.rest);
             },
@@ -192,7 +166,7 @@ impl<const N: usize> GaussSeidel<N> {
 
     /// `x += M⁻ᵀ (b − A x)`, a backward sweep.
     pub fn backward(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
-        let Self { domain, lower, blocks, outside, inverses, borders, rooms } = self;
+        let Self { domain, lower, blocks, outside, inverses, borders, workspaces } = self;
         for_each_row(
             borders,
             #[inline(always)]
@@ -208,7 +182,7 @@ impl<const N: usize> GaussSeidel<N> {
             x,
             none,
             *domain,
-            rooms,
+            workspaces,
             #[inline(always)]
             |start, x, _, nodes| {
                 for ((node, x), b) in nodes.iter_mut().zip(&*x).zip(&b[start..]) {
@@ -221,49 +195,47 @@ impl<const N: usize> GaussSeidel<N> {
                 }
                 for i in (0..x.len()).rev() {
                     let row = start + i;
-                    ask_for(lower.values_of(blocks, row.wrapping_sub(ahead::<Block<N, N, f32>>())));
-                    let (columns, blocks) = (lower.columns(row), &blocks[lower.row(row)]);
-                    let mut sum = nodes[i].rest;
-                    for (&column, a) in columns.iter().zip(blocks) {
-                        subtract_apply(&mut sum, a, &nodes[column as usize - start].x);
-                    }
-                    let mine = apply(&inverses[row], &sum);
-                    x[i] = mine;
-                    nodes[i].x = mine;
-                    for (&column, a) in columns.iter().zip(blocks) {
-                        add_transposed_apply(&mut nodes[column as usize - start].rest, a, &mine.map(|x| -x));
-                    }
+                    prefetch(lower.values_of(blocks, row.wrapping_sub(ahead::<Block<N, N, f32>>())));
+                    let row_blocks = (lower.columns(row), &blocks[lower.row(row)]);
+                    x[i] = relax(nodes[i].rest, &inverses[row], row_blocks, start, nodes);
+                    nodes[i].x = x[i];
                 }
             },
         );
     }
-
-    /// Bytes held.
-    pub fn bytes(&self) -> usize {
-        self.lower.bytes()
-            + size_of_val(&self.blocks[..])
-            + self.outside.pattern.bytes()
-            + self.outside.bytes()
-            + size_of_val(&self.inverses[..])
-            + size_of_val(&self.borders[..])
-            + self.rooms.iter().map(|nodes| size_of_val(&nodes[..])).sum::<usize>()
-    }
 }
 
-/// Asks for the memory of blocks that are read soon.
+/// Solves for a row, and subtracts its column from the rest of the rows before it.
 #[inline(always)]
-fn ask_for<const N: usize>(blocks: &[Block<N, N, f32>]) {
+fn relax<const N: usize>(
+    mut sum: [f32; N],
+    inverse: &Block<N, N, f32>,
+    (columns, blocks): (&[u32], &[Block<N, N, f32>]),
+    start: usize,
+    nodes: &mut [Node<N>],
+) -> [f32; N] {
+    for (&column, a) in columns.iter().zip(blocks) {
+        subtract_apply(&mut sum, a, &nodes[column as usize - start].x);
+    }
+    let x = apply(inverse, &sum);
+    for (&column, a) in columns.iter().zip(blocks) {
+        add_transposed_apply(&mut nodes[column as usize - start].rest, a, &x.map(|x| -x));
+    }
+    x
+}
+
+#[inline(always)]
+fn prefetch<const N: usize>(blocks: &[Block<N, N, f32>]) {
     prefetch_all(blocks.as_flattened().as_flattened());
 }
 
-/// Rows of a domain.
 fn domain(rows: usize) -> usize {
     rows.div_ceil((rows / LEAST_ROWS).clamp(1, MOST_DOMAINS)).max(1)
 }
 
-/// The diagonal block of a row of `factor·A`; the blocks of A before it are given to `before`.
+/// The diagonal block of a row of `factor·A`; `before` gets the blocks of A before it.
 #[inline(always)]
-fn take_row<const N: usize>(
+fn visit_lower<const N: usize>(
     a: &impl Rows<N>,
     row: usize,
     factor: f64,
@@ -280,27 +252,6 @@ fn take_row<const N: usize>(
         },
     );
     diagonal
-}
-
-/// The diagonal block of a row.
-#[inline(always)]
-fn diagonal_block<const N: usize>(a: &impl Rows<N>, row: usize) -> Block<N, N> {
-    let mut block = zero();
-    a.visit(
-        row,
-        #[inline(always)]
-        |column, entries| {
-            if column == row {
-                block = *entries;
-            }
-        },
-    );
-    block
-}
-
-/// The inverse of a diagonal block.
-fn inverse_of<const N: usize>(block: &Block<N, N>) -> std::result::Result<Block<N, N>, BadPivot> {
-    inverse(&shifted(block, LEAST_DIAGONAL))
 }
 
 #[cfg(test)]

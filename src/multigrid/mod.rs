@@ -1,93 +1,62 @@
 //! Smoothed-aggregation algebraic multigrid as a preconditioner.
 //!
-//! Block Jacobi needs more iterations the larger a scene and the stiffer: information travels one spring an iteration.
-//! Multigrid carries it over all distances at once, and needs a number of iterations that hardly depends on either. It is
-//! the method of Vaněk, Mandel and Brezina, "Algebraic multigrid by smoothed aggregation for second and fourth order elliptic
+//! Block Jacobi needs more iterations the larger and stiffer a scene is: information travels one spring an iteration.
+//! Multigrid carries it over all distances at once, in a number of iterations that hardly depends on either. This is the
+//! method of Vaněk, Mandel and Brezina, "Algebraic multigrid by smoothed aggregation for second and fourth order elliptic
 //! problems", Computing 56 (1996), for conjugate gradients on `A = M/dt² − G/dt − K`.
 //!
-//! **Once a scene.** Particles that can move are the nodes of a graph, springs its edges. Nodes are gathered into aggregates of
-//! a dozen or two, these are the nodes of the next level, and so on until few hundred unknowns are left. The sparsity of
-//! every level's matrix follows, and all memory is taken then.
+//! **Once a scene.** Particles that can move are the nodes of a graph, springs its edges. Nodes are gathered into
+//! aggregates of a dozen or two, which are the nodes of the next level, and so on until a few hundred unknowns are left. The
+//! sparsity of every level's matrix follows, and all memory is allocated.
 //!
-//! **Once a matrix.** An aggregate moves like a rigid body: the near-null space of A is that of K, translations and
-//! rotations, restricted to the axes that are free. Their orthonormal bases on the aggregates are the columns of the
-//! tentative prolongator T; a step of block Jacobi makes it `P = (I − ω D⁻¹A) T`, without weak couplings to other aggregates, see
-//! `prolongator::filter`. The next level's matrix is `Pᵀ A P + ε Tᵀ A T`, the second term for motions that P smooths away, see `galerkin`.
+//! **Once a matrix.** The near-null space of A is that of K: translations and rotations, restricted to the free axes. Their
+//! orthonormal bases on the aggregates are the columns of the tentative prolongator T; a step of block Jacobi makes it
+//! `P = (I − ω D⁻¹A) T`, without weak couplings to other aggregates, see `prolongator`. The next level's matrix is
+//! `Pᵀ A P + ε Tᵀ A T`, the second term for motions that P smooths away, see `galerkin`.
 //!
-//! **Once an iteration**, a cycle from zero: a forward sweep of block Gauss–Seidel, the coarse correction
-//! `x += P A_c⁻¹ Pᵀ (b − A x)` by the next level, a backward sweep. On the coarsest level a dense Cholesky factorization. Each level asks
-//! the next one once (a V-cycle): asking twice takes the same number of iterations and more time. With M
-//! the matrix of the forward sweep and B_c the coarse levels' approximation of A_c⁻¹ a cycle is
+//! **Once an iteration**, a V-cycle from zero: a forward sweep of block Gauss–Seidel, the coarse correction
+//! `x += P A_c⁻¹ Pᵀ (b − A x)` by the next level, a backward sweep; on the coarsest level a dense Cholesky factorization.
+//! With M the matrix of the forward sweep and B_c the coarse levels' approximation of A_c⁻¹ a cycle is
 //!
 //! ```text
 //! B = M̄⁻¹ + (I − M⁻ᵀ A) P B_c Pᵀ (I − A M⁻¹),   M̄ = M (M + Mᵀ − A)⁻¹ Mᵀ,
 //! ```
 //!
-//! symmetric, and positive definite when the diagonal blocks and B_c are: whatever P is, whatever age the coarse levels have,
-//! and even if A is indefinite. So CG's own test `pᵀAp ≤ 0` stays what it is. Where `Pᵀ A P` is found not to be positive
-//! definite A is not either, and the set-up says so.
+//! symmetric, and positive definite when the diagonal blocks and B_c are, for any P and any age of the coarse levels, and
+//! even if A is indefinite. So CG's own test `pᵀAp ≤ 0` stays valid. If `Pᵀ A P` is not positive definite A is not either,
+//! and the set-up reports it.
 //!
-//! Our choices, beside the method's:
+//! Choices beside the method's: the graph is weighted by k/l0 instead of A, so that aggregates and sparsity never change; a
+//! cycle works in single precision on one triangle of each matrix, a set-up in double; the rows of the finest matrix are
+//! recomputed from the springs; the smoother's domains depend on size alone, for the same bits with any number of threads.
 //!
-//! | choice | why |
-//! |---|---|
-//! | graph weighted by k/l0, not by A | aggregates and sparsity do not change from step to step |
-//! | Gram matrices for the bases | they take one pass, and show which motions an aggregate does not have |
-//! | P without weak couplings, for which others stand in | half of the multiplications of a set-up, a quarter less memory, a cycle in seven eighths of the time; a few more iterations, of falling cloths an eighth to a fifth: work is a tenth less, see `prolongator::filter` |
-//! | λ_max(D⁻¹A) = 2, its bound | nothing to estimate, see `prolongator` |
-//! | cycle in single precision, coarse matrices computed in double | half the time, the same iterations |
-//! | loops compiled for wide vectors, picked at run time | set-up in eight tenths of the time, see `parallel` |
-//! | one triangle of each matrix, each block used twice | half the time of a sweep, see `gauss_seidel` |
-//! | nodes of a sweep in a room of one domain | all that a sweep takes from memory is the matrix, b, x and r, see `gauss_seidel` |
-//! | blocks asked for before they are used | from 10⁵ particles on a cycle in three quarters of the time, see `sparse` |
-//! | finest matrix in double precision never stored | recomputing rows from the springs is cheap |
-//! | the smoother's domains depend on size alone | the same bits for any number of threads |
-//! | rows at their borders resist what their springs resist | motions across a cloth stay smoothed, see `gauss_seidel::border` |
-//!
-//! Where scenes move, coarse levels age: a step of a falling cloth is enough to double the iterations. `linear::lagged_multigrid` makes them anew
-//! when their age has cost as much as that.
-//!
-//! Under `axial` A has soft motions that are not rigid: all those that stretch no spring. The stiffer, the more iterations
-//! they cost.
+//! Under `axial` A has soft motions that are not rigid, all those that stretch no spring: the stiffer the springs, the more
+//! iterations they cost.
 //!
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `multigrid`.
 
 mod aggregate;
 mod block;
-mod coarsest;
+mod border;
 mod finest;
 mod galerkin;
 mod gauss_seidel;
-mod graph;
+mod level;
 mod modes;
 mod parallel;
-mod parts;
 mod prolongator;
 mod sparse;
-mod stage;
 
 use crate::error::Result;
 use crate::memory;
-use crate::operator::SystemOperator;
+use crate::operator::{SystemOperator, dot};
 use crate::system::{Dof, System};
 use finest::{Finest, near_one};
+use level::{Level, NotPositiveDefinite};
 use nalgebra::Vector3;
-use parallel::largest;
-pub use parts::Part;
-use parts::SpringVisitor;
-use stage::{NotPositiveDefinite, Stage};
 
 /// Unknowns that are solved for directly: a dense factorization of this order takes a few milliseconds.
 const LARGEST_DENSE: usize = 400;
-
-/// Bytes that all levels and their making hold at most for a spring and for a particle. Found by lowering the limit on memory until
-/// a run failed.
-const SPRING: u64 = 500;
-const PARTICLE: u64 = 3000;
-
-fn bytes_at_most(springs: u64, particles: u64) -> u64 {
-    SPRING * springs + PARTICLE * particles
-}
 
 /// Size of one level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -100,7 +69,7 @@ pub struct LevelSize {
     pub entries: usize,
 }
 
-/// Why there is no preconditioner for a matrix.
+/// The failure of a set-up.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SetupFailure {
     /// The diagonal block of a particle is not positive definite, so A is not.
@@ -114,7 +83,7 @@ pub enum SetupFailure {
     CoarseLevel {
         /// The level, from 1.
         level: usize,
-        /// A coordinate of one of the particles in the aggregate at which it showed.
+        /// A coordinate of a particle in the aggregate that failed.
         dof: Dof,
     },
     /// The matrix has an infinite or undefined entry.
@@ -135,7 +104,7 @@ pub enum SetupFailure {
 /// let extensions = SpringGeometry::at(&system, &state.positions)?;
 /// let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.05));
 /// let mut multigrid = Multigrid::new(&system)?;
-/// multigrid.place(&state.positions);
+/// multigrid.set_positions(&state.positions);
 /// multigrid.refill(&a)?;
 /// multigrid.rebuild(&a)?;
 /// let (r, mut z) = (vec![1.0; system.dofs().len()], vec![0.0; system.dofs().len()]);
@@ -145,28 +114,19 @@ pub enum SetupFailure {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
-pub struct Multigrid(Dimension);
+pub struct Multigrid(Box<dyn Cycle>);
 
-#[derive(Debug)]
-enum Dimension {
-    Line(Hierarchy<1, 1>),
-    Plane(Hierarchy<2, 3>),
-    Space(Hierarchy<3, 6>),
-}
-
-/// Calls a method of the hierarchy, whatever its dimension.
-macro_rules! hierarchy {
-    ($multigrid:expr, $hierarchy:ident => $call:expr) => {
-        match $multigrid {
-            Dimension::Line($hierarchy) => $call,
-            Dimension::Plane($hierarchy) => $call,
-            Dimension::Space($hierarchy) => $call,
-        }
-    };
+/// A hierarchy in one, two or three dimensions.
+trait Cycle: std::fmt::Debug + Send + Sync {
+    fn set_positions(&mut self, positions: &[Vector3<f64>]);
+    fn refill(&mut self, a: &SystemOperator) -> Result<(), SetupFailure>;
+    fn rebuild(&mut self, a: &SystemOperator) -> Result<(), SetupFailure>;
+    fn apply(&mut self, r: &[f64], z: &mut [f64]);
+    fn levels(&self) -> Vec<LevelSize>;
 }
 
 impl Multigrid {
-    /// Orders, aggregates, and finds the sparsity of every level: all that does not depend on numbers, and all memory.
+    /// Orders, aggregates, finds the sparsity of every level, and allocates all memory.
     ///
     /// # Errors
     /// More matrix blocks than 32-bit indices can count.
@@ -177,66 +137,48 @@ impl Multigrid {
     /// As [`new`](Self::new), with levels down to one of at most `largest_dense` unknowns, which is solved directly.
     ///
     /// # Errors
-    /// More matrix blocks than 32-bit indices can count.
+    /// As for [`new`](Self::new).
     pub fn down_to(system: &System, largest_dense: usize) -> Result<Self> {
         let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
-        memory::ensure_with_dense_products(bytes_at_most(springs, particles), "multigrid")?;
+        // Bounds found by lowering the limit on memory until a run failed.
+        memory::ensure_with_dense_products(500 * springs + 3000 * particles, "multigrid")?;
         Ok(Self(match system.dimension() {
-            1 => Dimension::Line(Hierarchy::new(system, largest_dense)?),
-            2 => Dimension::Plane(Hierarchy::new(system, largest_dense)?),
-            _ => Dimension::Space(Hierarchy::new(system, largest_dense)?),
+            1 => Box::new(Hierarchy::<1, 1>::new(system, largest_dense)?),
+            2 => Box::new(Hierarchy::<2, 3>::new(system, largest_dense)?),
+            _ => Box::new(Hierarchy::<3, 6>::new(system, largest_dense)?),
         }))
     }
 
-    /// Says where the particles are, in m: [`rebuild`](Self::rebuild) makes its rotations about these places. Without it
-    /// the preconditioner knows of translations only, and is slower.
-    pub fn place(&mut self, positions: &[Vector3<f64>]) {
-        hierarchy!(&mut self.0, h => h.finest.place(positions));
+    /// Sets the positions of all particles, in m, about which [`rebuild`](Self::rebuild) takes rotations. Without them
+    /// only translations are represented, and the preconditioner is slower.
+    pub fn set_positions(&mut self, positions: &[Vector3<f64>]) {
+        self.0.set_positions(positions);
     }
 
-    /// Takes over a matrix on the finest level, and leaves the coarse ones as they are: they may lag behind as long as
-    /// conjugate gradients do not mind.
+    /// Sets the matrix of the finest level. The coarse levels may lag behind as long as conjugate gradients converge.
     ///
     /// # Errors
-    /// When A is seen not to be positive definite, or not finite.
+    /// When A is found not to be positive definite, or not finite.
     pub fn refill(&mut self, a: &SystemOperator) -> Result<(), SetupFailure> {
-        hierarchy!(&mut self.0, h => h.refill(a))
+        self.0.refill(a)
     }
 
     /// Recomputes the coarse levels for the matrix of the last [`refill`](Self::refill), which must be given again.
     ///
     /// # Errors
-    /// When A is seen not to be positive definite, or not finite.
+    /// When A is found not to be positive definite, or not finite.
     pub fn rebuild(&mut self, a: &SystemOperator) -> Result<(), SetupFailure> {
-        self.rebuild_watched(a, &mut |_| ())
-    }
-
-    /// As [`rebuild`](Self::rebuild), and says after every part that it is done.
-    ///
-    /// # Errors
-    /// As [`rebuild`](Self::rebuild).
-    pub fn rebuild_watched(&mut self, a: &SystemOperator, done: &mut dyn FnMut(Part)) -> Result<(), SetupFailure> {
-        hierarchy!(&mut self.0, h => h.rebuild(a, done))
+        self.0.rebuild(a)
     }
 
     /// `z = B r`, reduced vectors, B symmetric positive definite: one V-cycle.
     pub fn apply(&mut self, r: &[f64], z: &mut [f64]) {
-        self.apply_watched(r, z, &mut |_| ());
-    }
-
-    /// As [`apply`](Self::apply), and says after every part that it is done.
-    pub fn apply_watched(&mut self, r: &[f64], z: &mut [f64], done: &mut dyn FnMut(Part)) {
-        hierarchy!(&mut self.0, h => h.apply(r, z, done));
+        self.0.apply(r, z);
     }
 
     /// The levels, from the finest.
     pub fn levels(&self) -> Vec<LevelSize> {
-        hierarchy!(&self.0, h => h.stage.sizes(&h.finest.pattern))
-    }
-
-    /// Bytes of memory held.
-    pub fn bytes(&self) -> usize {
-        hierarchy!(&self.0, h => h.bytes())
+        self.0.levels()
     }
 }
 
@@ -244,8 +186,8 @@ impl Multigrid {
 #[derive(Debug)]
 struct Hierarchy<const D: usize, const M: usize> {
     finest: Finest<D>,
-    stage: Stage<D, M>,
-    /// The levels hold `factor·A`.
+    level: Level<D, M>,
+    /// The levels hold `factor·A`, a power of two times A with entries near one.
     factor: f64,
     right_hand_side: Vec<[f32; D]>,
     solution: Vec<[f32; D]>,
@@ -254,63 +196,58 @@ struct Hierarchy<const D: usize, const M: usize> {
 impl<const D: usize, const M: usize> Hierarchy<D, M> {
     fn new(system: &System, largest_dense: usize) -> Result<Self> {
         let (finest, graph) = Finest::new(system)?;
-        let stage = Stage::new(&finest.pattern, &graph, largest_dense)?;
+        let level = Level::new(&finest.pattern, &graph, largest_dense)?;
         let zeros = || vec![[0.0; D]; finest.pattern.rows()];
         let (right_hand_side, solution) = (zeros(), zeros());
-        Ok(Self { finest, stage, factor: 1.0, right_hand_side, solution })
-    }
-
-    fn refill(&mut self, a: &SystemOperator) -> Result<(), SetupFailure> {
-        let Self { finest, stage, factor, .. } = self;
-        *factor = finest.factor(a);
-        stage.update_smoother(&finest.rows(a), *factor).map_err(|refusal| self.explain(a, refusal))
-    }
-
-    fn rebuild(&mut self, a: &SystemOperator, done: SpringVisitor) -> Result<(), SetupFailure> {
-        let Self { finest, stage, factor, .. } = self;
-        stage.update_coarse(&finest.rows(a), *factor, finest, done).map_err(|refusal| self.explain(a, refusal))
+        Ok(Self { finest, level, factor: 1.0, right_hand_side, solution })
     }
 
     /// A pivot that is not positive means an indefinite matrix only if the matrix is finite.
-    fn explain(
-        &self,
-        a: &SystemOperator,
-        NotPositiveDefinite { level, node, pivot }: NotPositiveDefinite,
-    ) -> SetupFailure {
-        let mut coefficients = a.blocks().iter().flat_map(|block| [block.axial, block.transverse]);
-        let has_finite = |block: &nalgebra::Matrix3<f64>| block.iter().all(|entry| entry.is_finite());
-        if !a.mass_factor().is_finite() || !a.external().iter().all(has_finite) || !coefficients.all(f64::is_finite) {
+    fn failure(&self, a: &SystemOperator, failure: NotPositiveDefinite) -> SetupFailure {
+        let NotPositiveDefinite { level, node, pivot } = failure;
+        if !a.is_finite() || pivot.is_some_and(|bad| !bad.pivot.is_finite()) {
             return SetupFailure::NonFinite;
         }
         let axis = pivot.filter(|_| level == 0).map(|bad| bad.index);
-        let dof = self.finest.dof(self.stage.member(level, node), axis);
+        let dof = self.finest.dof(self.level.member(level, node), axis);
         match pivot {
-            Some(bad) if !bad.pivot.is_finite() => SetupFailure::NonFinite,
             Some(_) if level == 0 => SetupFailure::DiagonalBlock(dof),
             None if level == 0 => SetupFailure::Pivot(dof),
             _ => SetupFailure::CoarseLevel { level, dof },
         }
     }
+}
 
-    /// Powers of two keep the numbers of the cycle within single precision, and are exact.
-    fn apply(&mut self, r: &[f64], z: &mut [f64], done: SpringVisitor) {
-        if [r.len(), z.len()] != [self.finest.unknowns(); 2] {
-            return z.fill(f64::NAN);
-        }
-        let Self { finest, stage, factor, right_hand_side, solution } = self;
-        let scale = near_one(largest(r));
-        finest.gather(r, scale, right_hand_side);
-        done(Part::Conversion);
-        stage.apply(right_hand_side, solution, done);
-        finest.scatter(solution, *factor / scale, z);
-        done(Part::Conversion);
+impl<const D: usize, const M: usize> Cycle for Hierarchy<D, M> {
+    fn set_positions(&mut self, positions: &[Vector3<f64>]) {
+        self.finest.set_positions(positions);
     }
 
-    fn bytes(&self) -> usize {
-        self.finest.bytes()
-            + self.stage.bytes()
-            + size_of_val(&self.right_hand_side[..])
-            + size_of_val(&self.solution[..])
+    fn refill(&mut self, a: &SystemOperator) -> Result<(), SetupFailure> {
+        let Self { finest, level, factor, .. } = self;
+        *factor = finest.factor(a);
+        level.update_smoother(&finest.rows(a), *factor).map_err(|failure| self.failure(a, failure))
+    }
+
+    fn rebuild(&mut self, a: &SystemOperator) -> Result<(), SetupFailure> {
+        let Self { finest, level, factor, .. } = self;
+        level.update_coarse(&finest.rows(a), *factor, finest).map_err(|failure| self.failure(a, failure))
+    }
+
+    /// Powers of two keep the numbers of the cycle within single precision, and are exact.
+    fn apply(&mut self, r: &[f64], z: &mut [f64]) {
+        let Self { finest, level, factor, right_hand_side, solution } = self;
+        if [r.len(), z.len()] != [finest.unknowns(); 2] {
+            return z.fill(f64::NAN);
+        }
+        let scale = near_one(dot(r, r).sqrt());
+        finest.gather(r, scale, right_hand_side);
+        level.apply(right_hand_side, solution);
+        finest.scatter(solution, *factor / scale, z);
+    }
+
+    fn levels(&self) -> Vec<LevelSize> {
+        self.level.sizes(&self.finest.pattern)
     }
 }
 

@@ -1,4 +1,4 @@
-//! The near-null space: how the nodes of every level follow a rigid motion.
+//! The near-null space: the rigid motions of the nodes of every level.
 //!
 //! A rigid motion about a centre C is a translation t and a rotation w, `u(x) = t + w × (x − C)`: M = 6 numbers in space, 3 in
 //! the plane (two translations, one rotation) and 1 on a line. A node with N unknowns follows it by its modes B, an N × M
@@ -21,18 +21,17 @@
 
 use super::block::{Block, add_product, add_transposed_product, zero};
 
-/// A motion is dropped where the part of its column that the columns before it do not span is below this share of the
-/// whole. R comes from a Gram matrix, whose squares lose what is below 1e-8.
+/// A motion is dropped where the part of its column that other columns do not span is below this share of the whole. R
+/// comes from a Gram matrix, whose squares lose parts below 1e-8.
 const INDEPENDENT: f64 = 1e-4;
 
-/// Modes of a node about its centre.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frame<const N: usize, const M: usize> {
     pub modes: Block<N, M>,
     pub centre: [f64; 3],
 }
 
-/// `B S(s)`: modes about a centre as modes about another one, s = old − new.
+/// `B S(s)`: modes about another centre, s = old − new.
 #[inline(always)]
 fn shifted<const N: usize, const M: usize>(b: &Block<N, M>, s: [f64; 3]) -> Block<N, M> {
     let mut shifted = *b;
@@ -63,13 +62,10 @@ impl<const N: usize, const M: usize> Frame<N, M> {
     }
 }
 
-/// The frames of a level's nodes.
 pub(super) trait Frames<const N: usize, const M: usize>: Sync {
-    /// Of one node.
     fn frame(&self, node: usize) -> Frame<N, M>;
 }
 
-/// As the nodes of the next level, aggregates have their own modes.
 impl<const M: usize> Frames<M, M> for [AggregateModes<M>] {
     #[inline(always)]
     fn frame(&self, node: usize) -> Frame<M, M> {
@@ -77,7 +73,7 @@ impl<const M: usize> Frames<M, M> for [AggregateModes<M>] {
     }
 }
 
-/// An aggregate's own frame and what makes its members' blocks of T.
+/// An aggregate's frame, and R⁻¹ for its members' blocks of T.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AggregateModes<const M: usize> {
     /// R about the aggregate's centre C.
@@ -87,10 +83,8 @@ pub(super) struct AggregateModes<const M: usize> {
 }
 
 impl<const M: usize> AggregateModes<M> {
-    /// No motion at all.
-    pub const NOTHING: Self = Self { frame: Frame { modes: [[0.0; M]; M], centre: [0.0; 3] }, inverse: [[0.0; M]; M] };
+    pub const NONE: Self = Self { frame: Frame { modes: [[0.0; M]; M], centre: [0.0; 3] }, inverse: [[0.0; M]; M] };
 
-    /// From the members' frames.
     pub fn of<const N: usize>(members: impl Iterator<Item = Frame<N, M>> + Clone) -> Self {
         let mut centre = [0.0; 3];
         let count = members.clone().count().max(1) as f64;
@@ -111,12 +105,12 @@ impl<const M: usize> AggregateModes<M> {
     /// `T_i = B_i S(c_i − C) R⁻¹`.
     #[inline(always)]
     pub fn tentative<const N: usize>(&self, member: &Frame<N, M>) -> Block<N, M> {
-        self.normalised(&self.followed_by(member))
+        self.normalised(&self.about_centre(member))
     }
 
-    /// `B_i S(c_i − C)`: how a node follows rigid motions about the aggregate's centre.
+    /// `B_i S(c_i − C)`: a node's modes about the aggregate's centre.
     #[inline(always)]
-    pub fn followed_by<const N: usize>(&self, node: &Frame<N, M>) -> Block<N, M> {
+    pub fn about_centre<const N: usize>(&self, node: &Frame<N, M>) -> Block<N, M> {
         node.about(self.frame.centre)
     }
 
@@ -128,7 +122,6 @@ impl<const M: usize> AggregateModes<M> {
         product
     }
 
-    /// Whether a motion is one of the aggregate's.
     pub fn has(&self, motion: usize) -> bool {
         self.inverse[motion][motion] != 0.0
     }
@@ -136,9 +129,8 @@ impl<const M: usize> AggregateModes<M> {
 
 /// R and R⁻¹ of `G = RᵀR`, with zero rows of R and zero columns of R⁻¹ where G has no pivot.
 ///
-/// Motions are taken in the order of the share of their column that those before do not span, the largest first: a motion that is
-/// nearly dependent comes last. Taken before others it would leave them 1e-16 over its small pivot as errors, which look like a part
-/// that is independent where there is none.
+/// The motion with the largest share of its column that those before do not span comes next, so that nearly dependent
+/// motions come last: earlier, their small pivots would leave errors that look like independent parts.
 fn factor<const M: usize>(gram: &Block<M, M>) -> (Block<M, M>, Block<M, M>) {
     let mut r: Block<M, M> = zero();
     let mut inverse: Block<M, M> = zero();
@@ -172,8 +164,8 @@ fn factor<const M: usize>(gram: &Block<M, M>) -> (Block<M, M>, Block<M, M>) {
 mod tests {
     use super::*;
 
-    /// Aggregates of two and three particles near a line, some of them free along two axes alone, so that rotations are nearly or
-    /// wholly dependent: what is kept of them is orthonormal, and R has the modes.
+    /// Aggregates of two and three particles near a line, with nearly or wholly dependent rotations: the columns of T are
+    /// orthonormal, and T R has the modes.
     #[test]
     fn kept_motions_are_orthonormal_however_dependent_others_are() {
         let mut seed = 1u64;
@@ -182,7 +174,7 @@ mod tests {
             (seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
         };
         let mut kept = [0; 7];
-        for case in 0..20_000 {
+        for case in 0..10_000 {
             let offset = 10f64.powi(-(case % 7));
             let members: Vec<Frame<3, 6>> = (0..2 + case % 2)
                 .map(|k| {
@@ -209,10 +201,10 @@ mod tests {
                 assert!(error.fold(0.0, f64::max) < 1e-3, "case {case}");
             }
         }
-        assert!(kept[4] > 100 && kept[5] > 1000 && kept[6] > 1000, "{kept:?}");
+        assert!(kept[4] > 50 && kept[5] > 500 && kept[6] > 500, "{kept:?}");
     }
 
-    /// Seen from another centre a rotation about the axis k is followed by `e_k × s` more: of each row, with its translations.
+    /// About another centre a rotation about the axis k moves a node by `e_k × s` more.
     #[test]
     fn rotations_about_another_centre_are_translations_too() {
         use nalgebra::Vector3;
@@ -237,7 +229,7 @@ mod tests {
         assert_eq!(AggregateModes::of(members.into_iter()).frame.centre, [2.0, -1.5, 0.75]);
     }
 
-    /// What is nearly spanned by others is kept as long as its own part is above 10⁻⁴ of it. Of equals the first comes first, whatever their size.
+    /// A motion is kept while its independent part is above 10⁻⁴. Of equals the first comes first.
     #[test]
     fn factors_keep_what_is_independent() {
         let kept =
@@ -246,7 +238,6 @@ mod tests {
         assert_eq!(kept([[1.0, 1.0], [1.0, 1.0 + 1e-9]]), [true, false]);
         assert_eq!(kept([[1.0, 0.0], [0.0, 0.0]]), [true, false]);
         assert_eq!(kept([[0.0, 0.0], [0.0, 1.0]]), [false, true]);
-        // Also where a product with the root of 6 is rounded.
         assert_eq!(factor(&[[6.0, 0.9], [0.9, 4.0]]).0[1][0], 0.0);
         let gram: Block<3, 3> = [[1.0, 0.5, 0.2], [0.5, 4.0, 0.7], [0.2, 0.7, 9.0]];
         let (r, inverse) = factor(&gram);

@@ -1,8 +1,7 @@
 //! What is said of matrices for which there is no preconditioner.
 
-use super::finest::Finest;
-use super::stage::NotPositiveDefinite;
-use super::{Dimension, Dof, Multigrid, SetupFailure};
+use super::level::NotPositiveDefinite;
+use super::{Dof, Hierarchy, Multigrid, SetupFailure};
 use crate::force::SpringGeometry;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::{Spring, Stiffness};
@@ -24,7 +23,7 @@ fn failure(stiffness: f64, rest_length: f64, held: &[usize], largest_dense: usiz
     let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(1.0));
     let mut multigrid = Multigrid::down_to(&system, largest_dense).unwrap();
-    multigrid.place(&state.positions);
+    multigrid.set_positions(&state.positions);
     multigrid.refill(&a).and_then(|()| multigrid.rebuild(&a)).err()
 }
 
@@ -53,11 +52,6 @@ fn a_sum_beyond_the_largest_number_is_not_finite() {
     assert_eq!(failure(1.7e308, 1.0, &[], 0), Some(SetupFailure::NonFinite));
 }
 
-#[test]
-fn memory_is_asked_for_by_springs_and_particles() {
-    assert_eq!(super::bytes_at_most(30, 7), 30 * 500 + 7 * 3000);
-}
-
 /// A strip along x of 600 particles whose short springs are in tension and whose springs to the second neighbour push: sideways
 /// the energy of a wave of s = 2 − 2 cos θ is `−c s + s²`, so that only waves with s < c are unstable, and no node shorter than they are
 /// sees it. The longer they are, the deeper the level that is refused.
@@ -83,7 +77,7 @@ fn long_waves_are_refused_on_the_level_that_sees_them() {
         let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(1.0));
         let mut multigrid = Multigrid::down_to(&system, 12).unwrap();
-        multigrid.place(&state.positions);
+        multigrid.set_positions(&state.positions);
         match multigrid.refill(&a).and_then(|()| multigrid.rebuild(&a)) {
             Err(SetupFailure::CoarseLevel { level, .. }) => level,
             other => panic!("{other:?}"),
@@ -111,19 +105,10 @@ fn refusals_are_of_their_level() {
     let (system, state) = row(50);
     let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(1.0));
-    let Dimension::Line(hierarchy) = &Multigrid::down_to(&system, 10).unwrap().0 else { panic!("a line") };
-    let refused = |level| hierarchy.explain(&a, NotPositiveDefinite { level, node: 0, pivot: None });
+    let hierarchy = Hierarchy::<1, 1>::new(&system, 10).unwrap();
+    let refused = |level| hierarchy.failure(&a, NotPositiveDefinite { level, node: 0, pivot: None });
     assert!(matches!(refused(0), SetupFailure::Pivot(_)), "{:?}", refused(0));
     assert!(matches!(refused(1), SetupFailure::CoarseLevel { level: 1, .. }), "{:?}", refused(1));
-}
-
-/// With steps of 1/32 s the masses count for 3 · 1024 N/m, which is 1.5 · 2¹¹.
-#[test]
-fn masses_are_brought_near_one() {
-    let (system, state) = row(3);
-    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
-    let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(1.0 / 32.0));
-    assert_eq!(Finest::<1>::new(&system).unwrap().0.factor(&a), 1.0 / 2048.0);
 }
 
 /// Made anew for a softer matrix it gives, to the bit, what one gives that is made for that matrix alone.
@@ -146,7 +131,7 @@ fn nothing_of_a_matrix_is_left_in_the_next() {
         [0.1, 0.01].map(|dt| SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(dt)));
     let applied = |matrices: &[&SystemOperator]| {
         let mut multigrid = Multigrid::new(&system).unwrap();
-        multigrid.place(&state.positions);
+        multigrid.set_positions(&state.positions);
         for a in matrices {
             multigrid.refill(a).and_then(|()| multigrid.rebuild(a)).unwrap();
         }

@@ -3,13 +3,14 @@
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `matrices`.
 
 pub(crate) mod inner_product;
-mod lanes;
-mod prefetch;
+mod simd;
+mod spring_order;
 mod stream;
 mod system_operator;
 
 pub use inner_product::dot;
-pub(crate) use prefetch::{prefetch, prefetch_all};
+pub(crate) use simd::{prefetch, prefetch_all};
+pub(crate) use spring_order::group;
 pub(crate) use system_operator::negative_part;
 pub use system_operator::{Combination, SystemOperator};
 
@@ -20,8 +21,8 @@ pub trait LinearOperator {
     /// The order n of the matrix.
     fn order(&self) -> usize;
 
-    /// `y = A w` for vectors of length n. Implementations fill y with NaN where a length is another one: an iteration then ends with what it
-    /// reports for numbers that are not finite.
+    /// `y = A w` for vectors of length n. Implementations fill y with NaN for other lengths, which ends an iteration as
+    /// not finite.
     fn apply(&self, w: &[f64], y: &mut [f64]);
 }
 

@@ -3,12 +3,13 @@
 //! Every matrix of a mass–spring system is a combination `m·M + g·G + k·K` of the mass matrix, the damping matrix
 //! `G = ∂f_d/∂v` and the stiffness matrix `K = ∂f_el/∂x`. A spring between i and j puts `−b nnᵀ` into G and `−K^s` into K
 //! on (i, i) and (j, j), and the opposite on (i, j) and (j, i). So a spring's part of any combination is one
-//! [`SpringBlock`] B, and its product with w is `s = B (w_i − w_j)`, added to row i and subtracted from row j. That is
-//! Add-Damping-Force and Add-Force-Differential of the lecture notes (see [`spring`](crate::spring)) in one pass: both blocks are of the form `α(I − nnᵀ) + β nnᵀ`.
+//! [`SpringBlock`] B of the form `α(I − nnᵀ) + β nnᵀ`, and its product with w is `s = B (w_i − w_j)`, added to row i and
+//! subtracted from row j: Add-Damping-Force and Add-Force-Differential of the lecture notes (see [`spring`](crate::spring))
+//! in one pass.
 //!
 //! Vectors are *reduced*: one number for every free degree of freedom, as in the assembled matrix. Reading the ends of a
-//! spring through the [`DofMap`](crate::DofMap) puts zeros on prescribed axes, and adding to them drops these axes:
-//! their *Project*. What prescribed particles do to the free ones goes to the right-hand side once a step, by
+//! spring through the [`DofMap`](crate::DofMap) puts zeros on prescribed axes, and adding to them drops these axes: the
+//! *Project* of the notes. The displacement of prescribed particles goes to the right-hand side once a step, by
 //! [`subtract_coupling`](SystemOperator::subtract_coupling): their *Set-Boundary-Conditions*.
 
 use super::stream::SpringStream;
@@ -72,38 +73,16 @@ impl Combination {
 }
 
 /// A combination of M, G and K at one configuration, as blocks.
-///
-/// # Examples
-/// ```
-/// use sprung::Stiffness;
-/// use sprung::force::SpringGeometry;
-/// use sprung::operator::{Combination, LinearOperator, SystemOperator};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, state) = builder.build()?;
-/// let extensions = SpringGeometry::at(&system, &state.positions)?;
-/// let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.5));
-/// let mut y = [0.0; 3];
-/// a.apply(&[1.0, 1.0, 0.0], &mut y);
-/// // M/dt² + k/l0 along the spring, M/dt² + k (1/l0 − 1/l) across.
-/// assert!((y[0] - (4.0 + 10.0)).abs() < 1e-13 && (y[1] - (4.0 - 10.0)).abs() < 1e-13);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone)]
 pub struct SystemOperator<'s> {
     system: &'s System,
     mass: f64,
     blocks: Vec<SpringBlock>,
-    /// The same blocks in the order and form in which a product reads them.
+    /// The blocks in the order and form in which a product reads them.
     stream: SpringStream,
-    /// The combination's part of M, one number a row.
+    /// The multiple of M, one number a row.
     inertia: Vec<f64>,
-    /// Its parts of the derivatives of forces from outside, one block a particle; empty where there are none.
+    /// The derivatives of external forces, one block a particle; empty where there are none.
     external: Vec<Matrix3<f64>>,
     /// Positions in `blocks` of the springs that have a prescribed axis at one end.
     coupled: Vec<u32>,
@@ -119,7 +98,7 @@ impl<'s> SystemOperator<'s> {
         let nothing = SpringBlock { direction: Vector3::zeros(), transverse: 0.0, axial: 0.0 };
         let blocks = vec![nothing; system.active_springs().len()];
         let inertia = vec![0.0; system.dofs().len()];
-        let stream = SpringStream::new(system, &system.shares());
+        let stream = SpringStream::new(system, &system.all_partitions());
         let external = Vec::new();
         let mut operator = Self { system, mass: 0.0, blocks, stream, inertia, external, coupled };
         operator.update(extensions, option, combination);
@@ -131,8 +110,8 @@ impl<'s> SystemOperator<'s> {
         self.set(extensions, combination, option, |_| option);
     }
 
-    /// As [`update`](Self::update), with an option for every active spring, asked for by its position among them. Of forces from outside it takes
-    /// what `tension` would.
+    /// As [`update`](Self::update), with an option for every active spring by its position among them; external forces
+    /// are treated as under `tension`.
     pub fn update_each(
         &mut self,
         extensions: &SpringGeometry,
@@ -157,8 +136,8 @@ impl<'s> SystemOperator<'s> {
         });
     }
 
-    /// Makes this the operator `mass·M` plus any block a spring, +B on both its diagonal blocks and −B between its ends,
-    /// without allocating. `block` sees the position among the active springs, the spring, and where its ends are.
+    /// Sets the operator to `mass·M` plus any block a spring, +B on both its diagonal blocks and −B between its ends,
+    /// without allocating. `block` gets the position among the active springs, the spring, and its extension.
     pub fn set_blocks(
         &mut self,
         extensions: &SpringGeometry,
@@ -180,7 +159,6 @@ impl<'s> SystemOperator<'s> {
         });
         let sign = if some_negative.into_inner() { -1.0 } else { 1.0 };
         self.stream.update(system, &self.blocks, sign);
-        // The same from step to step.
         if std::mem::replace(&mut self.mass, mass) != mass {
             for (particle, kilograms) in system.masses().iter().enumerate() {
                 self.inertia[system.dofs().rows(particle)].fill(mass * kilograms);
@@ -188,7 +166,7 @@ impl<'s> SystemOperator<'s> {
         }
     }
 
-    /// Sets what forces from outside add to the diagonal blocks: `block` of the derivatives at every particle, in N/m. It stays until it is set anew.
+    /// Sets the part of external forces, a `block` of their derivatives at every particle, in N/m, until the next call.
     pub fn set_external(&mut self, extensions: &SpringGeometry, block: impl Fn(&Derivatives) -> Matrix3<f64>) {
         self.external.resize(extensions.external().len(), Matrix3::zeros());
         for (target, derivatives) in self.external.iter_mut().zip(extensions.external()) {
@@ -196,30 +174,37 @@ impl<'s> SystemOperator<'s> {
         }
     }
 
-    /// As [`set_external`](Self::set_external), of a combination under an option.
+    /// As [`set_external`](Self::set_external), for a combination under an option.
     pub fn set_external_under(&mut self, extensions: &SpringGeometry, option: Stiffness, combination: Combination) {
         self.set_external(extensions, |at| combined(at, option, combination));
     }
 
-    /// What a particle adds to its diagonal block beside its springs: its mass, and the forces from outside.
+    /// A particle's part of its diagonal block beside its springs: its mass, and the external forces.
     #[inline]
     pub fn particle_block(&self, particle: usize) -> Matrix3<f64> {
         let mass = Matrix3::from_diagonal_element(self.mass * self.system.masses()[particle]);
         self.external.get(particle).map_or(mass, |external| mass + external)
     }
 
-    /// What forces from outside add to the diagonal blocks, one for every particle; empty where there are none.
+    /// The part of external forces, one block a particle; empty where there are none.
     pub fn external(&self) -> &[Matrix3<f64>] {
         &self.external
     }
 
-    /// Whether no block has a negative eigenvalue, of springs and of forces from outside: the sum of all is positive semidefinite then.
+    /// Whether all masses and blocks are finite.
+    pub(crate) fn is_finite(&self) -> bool {
+        let is_finite = |block: &Matrix3<f64>| block.iter().all(|entry| entry.is_finite());
+        let springs = self.blocks.iter().all(|block| is_finite(&block.matrix()));
+        self.mass.is_finite() && springs && self.external.iter().all(is_finite)
+    }
+
+    /// Whether no block of a spring or an external force has a negative eigenvalue, which makes their sum positive
+    /// semidefinite.
     pub fn has_no_negative_block(&self) -> bool {
         let is_positive = |block: &Matrix3<f64>| lowest(block) >= 0.0;
         self.blocks.iter().all(|block| block.lowest() >= 0.0) && self.external.iter().all(is_positive)
     }
 
-    /// Adds what forces from outside do to w.
     fn add_external(&self, w: &[f64], y: &mut [f64]) {
         let dofs = self.system.dofs();
         for (particle, block) in self.external.iter().enumerate() {
@@ -227,7 +212,7 @@ impl<'s> SystemOperator<'s> {
         }
     }
 
-    /// The system that this is an operator of.
+    /// The system.
     pub fn system(&self) -> &'s System {
         self.system
     }
@@ -237,18 +222,18 @@ impl<'s> SystemOperator<'s> {
         self.mass
     }
 
-    /// The block of every active spring, in the order of [`System::active_springs`].
+    /// The block of every active spring.
     pub fn blocks(&self) -> &[SpringBlock] {
         &self.blocks
     }
 
-    /// The active springs' ends and blocks, in order.
+    /// The ends and blocks of the active springs.
     #[inline]
-    fn stamps(&self) -> impl Iterator<Item = ([usize; 2], &SpringBlock)> {
+    fn ends_and_blocks(&self) -> impl Iterator<Item = ([usize; 2], &SpringBlock)> {
         self.system.active().map(|(_, pair, _)| pair).zip(&self.blocks)
     }
 
-    /// `b_f −= A_fc δx_c`: moves the known displacement of prescribed coordinates to the right-hand side.
+    /// `b_f −= A_fc δx_c`: moves the displacement of prescribed coordinates to the right-hand side.
     ///
     /// `displacement` is full-length, in m, and zero on free axes; `rhs` is reduced.
     pub fn subtract_coupling(&self, displacement: &[Vector3<f64>], rhs: &mut [f64]) {
@@ -272,8 +257,8 @@ pub(super) fn lowest(block: &Matrix3<f64>) -> f64 {
     if xy == 0.0 && xz == 0.0 && yz == 0.0 { block.diagonal().min() } else { block.symmetric_eigenvalues().min() }
 }
 
-/// `damping·D + stiffness·S` of the derivatives D and S at a particle; under options that keep matrices definite of both what is negative
-/// semidefinite.
+/// `damping·D + stiffness·S` of the derivatives D and S at a particle, or of their negative semidefinite parts under
+/// options that keep matrices definite.
 fn combined(at: &Derivatives, option: Stiffness, combination: Combination) -> Matrix3<f64> {
     let part = |matrix: &Matrix3<f64>| if option == Stiffness::Full { *matrix } else { negative_part(matrix) };
     part(&at.damping) * combination.damping + part(&at.stiffness) * combination.stiffness
@@ -309,7 +294,7 @@ impl BlockDiagonal for SystemOperator<'_> {
         for (block, mass) in blocks.iter_mut().zip(self.system.masses()) {
             *block = Matrix3::from_diagonal_element(self.mass * mass);
         }
-        for (pair, block) in self.stamps() {
+        for (pair, block) in self.ends_and_blocks() {
             let matrix = block.matrix();
             pair.into_iter().for_each(|end| blocks[end] += matrix);
         }
@@ -329,7 +314,6 @@ mod tests {
     use crate::spring::Spring;
     use crate::system::SystemBuilder;
 
-    /// In one, two and three dimensions: the product of the assembled matrix, of different masses and springs along and across.
     #[test]
     fn products_are_those_of_the_matrix() {
         for dimension in 1..=3 {
@@ -355,7 +339,7 @@ mod tests {
             for p in 0..4 {
                 system.dofs().add(&mut expected, p, &(system.dofs().get(&w, p) * (100.0 * (1.0 + p as f64))));
             }
-            for (([i, j], block), at) in operator.stamps().zip(extensions.as_slice()) {
+            for (([i, j], block), at) in operator.ends_and_blocks().zip(extensions.as_slice()) {
                 let direction = at.direction;
                 let along = direction * direction.transpose();
                 let across = Matrix3::identity() - along;
@@ -370,8 +354,7 @@ mod tests {
         }
     }
 
-    /// Of K all blocks are negative along their springs. They are streamed as those of −K are, whose products are theirs to the bit but for the sign, and one
-    /// operator becomes the other; the 3×3 matrices of the blocks would round otherwise.
+    /// An updated operator equals a new one, and products with K are those with −K but for the sign, to the bit.
     #[test]
     fn an_operator_becomes_another() {
         let mut builder = SystemBuilder::new();

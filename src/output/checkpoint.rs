@@ -1,10 +1,10 @@
-//! What a run needs to go on where it was: `checkpoint`, one line of JSON between one that names the format and a checksum.
+//! `checkpoint`, from which a run continues: a line with the format, one line of JSON, and a line with a checksum.
 //!
-//! The solvers' memory (factors, first guesses, coarse levels, what `auto` has learnt) is not kept. A run with checkpoints
-//! forgets it at each of them, whether it was interrupted there or not, and starts again from the state alone; that is what makes the
-//! bits of both the same. Numbers are written in the shortest form that reads back to the same bits.
+//! Solver state (factors, initial guesses, coarse levels, the choices of `auto`) is not stored. A run resets it at every checkpoint,
+//! interrupted or not, and starts again from the state alone: so both have the same bits. Numbers are written in the shortest form
+//! that reads back to the same bits.
 
-use super::checksum::{Checksum, Tally};
+use super::energy::{Checksum, Tally};
 use super::{AtomicFile, LogPosition, OutputFolder};
 use crate::error::{Error, Result};
 use crate::integrate::{MonitorCheckpoint, Statistics};
@@ -18,26 +18,23 @@ use std::path::{Path, PathBuf};
 /// The file's name.
 pub const CHECKPOINT: &str = "checkpoint";
 
-/// The name that the last checkpoint of a run has once that has come to its end: a longer run may go on from it.
+/// The name of a finished run's last checkpoint: a longer run may continue from it.
 pub const FINISHED: &str = "checkpoint.finished";
 
-/// The first line. The number changes with the meaning of what follows.
+/// The first line. The number changes with the format.
 const FORMAT: &str = "sprung checkpoint 3";
-
-/// Bytes that reading holds at most for a byte of a checkpoint.
-const BYTES: u64 = 6;
 
 /// A run at one of its steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Checkpoint {
-    /// Of the scene and of how it is run, see [`fingerprint`]: another run cannot go on from here.
+    /// The [`fingerprint`] of the scene and the options: another run cannot continue from here.
     pub run: String,
-    /// What depends on the length of the run: where it is the same, a run of another length has the same bits up to here.
+    /// Options that depend on the length of the run: with the same ones a run of another length has the same bits up to here.
     pub length: String,
     /// Steps from one checkpoint to the next.
     pub every: u64,
-    /// Steps that the run counts, or records where its steps are adaptive: a multiple of `every`.
+    /// Steps of the schedule, or records where steps are adaptive: a multiple of `every`.
     pub reached: u64,
     /// Steps done.
     pub steps: u64,
@@ -51,19 +48,16 @@ pub struct Checkpoint {
     pub statistics: Statistics,
     /// Seconds that the run has taken.
     pub wall_seconds: f64,
-    /// What accompanies the run: energies, indicators.
+    /// The monitor: energies, error indicators.
     pub account: MonitorCheckpoint,
-    /// How far `energy.csv` is.
+    /// The position in `energy.csv`.
     pub energies: LogPosition,
     /// Time and step of every frame.
     pub frames: Vec<(f64, u64)>,
 }
 
 impl Checkpoint {
-    /// Writes the file, replacing an older one in one move.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be written.
+    /// Writes the file, replacing an older one atomically.
     pub fn write(&self, folder: &Path) -> Result<()> {
         AtomicFile::write(folder.join(CHECKPOINT), |file| self.write_to(file))
     }
@@ -89,34 +83,22 @@ impl Checkpoint {
         Self::read_file(folder.join(CHECKPOINT))
     }
 
-    /// Reads the last checkpoint of a run that has come to its end; `None` where there is none.
-    ///
-    /// # Errors
-    /// As for [`read`](Self::read).
+    /// Reads the last checkpoint of a finished run; `None` where there is none.
     pub fn read_finished(folder: &Path) -> Result<Option<Self>> {
         Self::read_file(folder.join(FINISHED))
     }
 
-    /// Puts the checkpoint of a folder, if there is one, aside as that of a run that has come to its end.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be renamed.
+    /// Marks the checkpoint of a folder, if there is one, as that of a finished run.
     pub fn finish(folder: &OutputFolder) -> Result<()> {
         folder.rename(CHECKPOINT, FINISHED)
     }
 
-    /// Takes the checkpoint of a run that has come to its end, if there is one, as that of a run which goes on.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be renamed.
+    /// Marks the checkpoint of a finished run, if there is one, as that of a run under way.
     pub fn reopen(folder: &OutputFolder) -> Result<()> {
         folder.rename(FINISHED, CHECKPOINT)
     }
 
     /// Removes the checkpoints of an earlier run.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when one cannot be removed.
     pub fn forget(folder: &OutputFolder) -> Result<()> {
         folder.remove(CHECKPOINT)?;
         folder.remove(FINISHED)
@@ -127,15 +109,16 @@ impl Checkpoint {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             metadata => metadata.map_err(|source| Error::io(&file, source))?.len(),
         };
-        memory::ensure(bytes.saturating_mul(BYTES), "the checkpoint")?;
+        // Parsing holds at most six bytes for a byte of the file.
+        memory::ensure(bytes.saturating_mul(6), "the checkpoint")?;
         let bytes = std::fs::read(&file).map_err(|source| Error::io(&file, source))?;
         Self::parse(&bytes).map(Some).map_err(|message| Error::Format { file, message })
     }
 
-    /// From the bytes of a file.
+    /// Parses the bytes of a file.
     ///
     /// # Errors
-    /// What is wrong with them.
+    /// A message for bytes that are no intact checkpoint of this version.
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
         let damaged = || "the checkpoint is damaged".to_owned();
         let text = str::from_utf8(bytes).map_err(|_| damaged())?;
@@ -164,12 +147,12 @@ impl Checkpoint {
     }
 }
 
-/// Rows of numbers as a checkpoint has them.
+/// Vectors as rows of numbers.
 pub fn rows(vectors: &[Vector3<f64>]) -> Vec<[f64; 3]> {
     vectors.iter().map(|&v| v.into()).collect()
 }
 
-/// A few digits for everything that decides about the bits of a run: the system, the state that it starts from, and `how` it is run.
+/// A hash of everything that determines the bits of a run: the system, its initial state, and the options `how`.
 pub fn fingerprint(system: &System, start: &State, how: &str) -> String {
     let mut sum = Checksum::default();
     let mut number = |x: f64| sum.add(&x.to_bits().to_le_bytes());
@@ -192,4 +175,121 @@ pub fn fingerprint(system: &System, start: &State, how: &str) -> String {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::integrate::{Monitor, MonitorOptions};
+    use crate::spring::Spring;
+    use crate::system::{Axes, Constraint, Motion, SystemBuilder};
+
+    fn builder() -> SystemBuilder {
+        let mut builder = SystemBuilder::new();
+        builder.gravity(0.0, -9.81, 0.0);
+        builder.particle([0.0, 0.1, 0.2], 1.0);
+        builder.particle([1.0 / 3.0, 2.0, 3.0], 2.0);
+        builder.spring(0, 1, Spring { stiffness: 5.0, rest_length: 1.0, damping: 0.5 });
+        builder.hold(0);
+        builder
+    }
+
+    fn checkpoint(system: &System, state: &State) -> Checkpoint {
+        Checkpoint {
+            run: "0123".into(),
+            length: "None".into(),
+            every: 5,
+            reached: 10,
+            steps: 10,
+            time: 0.1 + 0.2,
+            positions: rows(&state.positions),
+            velocities: rows(&state.velocities),
+            statistics: Statistics::default(),
+            wall_seconds: 1.5,
+            account: Monitor::new(system, state, MonitorOptions::default()).unwrap().account(),
+            energies: LogPosition { bytes: 7, checksum: "89ab".into() },
+            frames: vec![(0.0, 0), (0.3, 10)],
+        }
+    }
+
+    #[test]
+    fn checkpoints_are_read_back_to_the_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(Checkpoint::read(folder.path()).unwrap(), None);
+        let (system, state) = builder().build().unwrap();
+        let written = checkpoint(&system, &state);
+        assert_eq!(written.positions, [[0.0, 0.1, 0.2], [1.0 / 3.0, 2.0, 3.0]]);
+        written.write(folder.path()).unwrap();
+        let read = Checkpoint::read(folder.path()).unwrap().unwrap();
+        assert_eq!((&read, read.state()), (&written, State { time: 0.1 + 0.2, ..state }));
+        // A folder in its place is an error.
+        let other = tempfile::tempdir().unwrap();
+        std::fs::create_dir(other.path().join(CHECKPOINT)).unwrap();
+        assert!(Checkpoint::read(other.path()).is_err());
+        assert!(Checkpoint::read(&folder.path().join(CHECKPOINT)).is_err());
+    }
+
+    #[test]
+    fn changed_bytes_are_detected() {
+        let (system, state) = builder().build().unwrap();
+        let mut bytes = Vec::new();
+        checkpoint(&system, &state).write_to(&mut bytes).unwrap();
+        assert!(Checkpoint::parse(&bytes).is_ok());
+        for at in 0..bytes.len() - 1 {
+            let mut changed = bytes.clone();
+            changed[at] ^= 1;
+            assert!(Checkpoint::parse(&changed).is_err(), "{at}");
+        }
+        let later = [b"sprung checkpoint 99", &bytes[19..]].concat();
+        let message = Checkpoint::parse(&later).unwrap_err();
+        assert!(message.contains("begins with \"sprung checkpoint 99"), "{message}");
+    }
+
+    #[test]
+    fn unusable_states_are_damaged() {
+        let (system, state) = builder().build().unwrap();
+        let right = checkpoint(&system, &state);
+        let parse = |change: &dyn Fn(&mut Checkpoint)| {
+            let (mut checkpoint, mut bytes) = (right.clone(), Vec::new());
+            change(&mut checkpoint);
+            checkpoint.write_to(&mut bytes).unwrap();
+            Checkpoint::parse(&bytes).map(drop)
+        };
+        assert_eq!(parse(&|_| {}), Ok(()));
+        assert_eq!(parse(&|checkpoint| checkpoint.every = 1), Ok(()));
+        let damaged = Err("the checkpoint is damaged".to_owned());
+        assert_eq!(parse(&|checkpoint| checkpoint.every = 0), damaged);
+        assert_eq!(parse(&|checkpoint| _ = checkpoint.velocities.pop()), damaged);
+        assert_eq!(parse(&|checkpoint| checkpoint.positions[1][2] = 1e151), damaged);
+    }
+
+    /// Everything that changes a run's result changes its fingerprint.
+    #[test]
+    fn fingerprints_distinguish_runs() {
+        let of = |change: &dyn Fn(&mut SystemBuilder), how: &str| {
+            let mut builder = builder();
+            change(&mut builder);
+            let (system, state) = builder.build().unwrap();
+            fingerprint(&system, &state, how)
+        };
+        let moved = |by: f64| {
+            let motion = Motion::Velocity(Vector3::new(0.0, by, 0.0));
+            Constraint { particles: vec![1], axes: Axes::of(&[1]), motion }
+        };
+        let same = of(&|_| {}, "bdf2");
+        assert_eq!(same, of(&|_| {}, "bdf2"));
+        let others = [
+            of(&|_| {}, "bdf3"),
+            of(&|builder| builder.gravity.y = -9.82, "bdf2"),
+            of(&|builder| builder.positions[1].x += 1e-15, "bdf2"),
+            of(&|builder| builder.velocities[1].z = 1.0, "bdf2"),
+            of(&|builder| builder.masses[1] = 2.5, "bdf2"),
+            of(&|builder| builder.springs[0].stiffness = 6.0, "bdf2"),
+            of(&|builder| builder.springs[0].rest_length = 1.5, "bdf2"),
+            of(&|builder| builder.springs[0].damping = 0.25, "bdf2"),
+            of(&|builder| builder.pairs[0] = [1, 0], "bdf2"),
+            of(&|builder| _ = builder.hold(1), "bdf2"),
+            of(&|builder| _ = builder.constrain(moved(1.0)), "bdf2"),
+            of(&|builder| _ = builder.constrain(moved(2.0)), "bdf2"),
+        ];
+        let all: std::collections::BTreeSet<&String> = others.iter().chain([&same]).collect();
+        assert_eq!(all.len(), 13, "{others:?}");
+    }
+}

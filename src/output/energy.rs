@@ -1,24 +1,23 @@
-//! `energy.csv`: the energies over time.
+//! `energy.csv`, the energies over time, and checksums, which a continued file must match.
 
 use super::AtomicFile;
-use super::checksum::{Checksum, Tally};
 use crate::error::{Error, Result};
 use crate::force::Energy;
 use crate::integrate::Balance;
 use serde::{Deserialize, Serialize};
-use std::io;
+use std::io::{self, Write};
 use std::path::PathBuf;
 
-/// `energy.csv` while a run is under way: header `time,kinetic,elastic,gravitational,total,work,dissipated,imbalance`, one row
-/// per recorded step, time in s and energies in J, the last three since the start of the run. An energy that is not finite is
-/// left empty. The file appears at [`finish`](Self::finish); memory does not grow with the number of rows.
+/// `energy.csv` during a run: header `time,kinetic,elastic,gravitational,total,work,dissipated,imbalance`, one row per recorded step,
+/// time in s and energies in J, the last three since the start of the run. An energy that is not finite is left empty. The file
+/// appears at [`finish`](Self::finish).
 #[derive(Debug)]
 pub struct EnergyLog {
     target: PathBuf,
     rows: csv::Writer<Tally<AtomicFile>>,
 }
 
-/// How far an `energy.csv` is that a checkpoint goes on with.
+/// The position in an `energy.csv` that a checkpoint continues.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogPosition {
     /// Its length.
@@ -41,55 +40,41 @@ struct Row {
 
 impl EnergyLog {
     /// Starts the file.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when its folder cannot be written.
     pub fn create(target: impl Into<PathBuf>) -> Result<Self> {
         let target = target.into();
         let rows = csv::Writer::from_writer(Tally::new(AtomicFile::create(&target)?));
         Ok(Self { target, rows })
     }
 
-    /// Starts a file that a later process can go on with.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when its folder cannot be written.
+    /// Starts a file that a later process can continue.
     pub fn create_resumable(target: impl Into<PathBuf>) -> Result<Self> {
         let target = target.into();
         let rows = csv::Writer::from_writer(Tally::new(AtomicFile::create_resumable(&target)?));
         Ok(Self { target, rows })
     }
 
-    /// Goes on with a file behind a position.
+    /// Continues a file after a position.
     ///
     /// # Errors
-    /// [`Error::Io`] when it is not there, or has other bytes.
+    /// [`Error::Io`] when it does not exist, or has other bytes.
     pub fn resume(target: impl Into<PathBuf>, position: &LogPosition) -> Result<Self> {
         let target = target.into();
-        let mut sum = Checksum::default();
-        let file =
-            AtomicFile::resume(&target, position.bytes, |bytes| Checksum::of(bytes).text() == position.checksum)?;
+        let is_right = |bytes: &[u8]| Checksum::of(bytes).text() == position.checksum;
+        let file = AtomicFile::resume(&target, position.bytes, is_right)?;
         let before = std::fs::read(file.unfinished()).map_err(|source| Error::io(&target, source))?;
-        sum.add(&before);
-        let rows = Tally::after(file, position.bytes, sum);
+        let rows = Tally::after(file, position.bytes, Checksum::of(&before));
         let rows = csv::WriterBuilder::new().has_headers(position.bytes == 0).from_writer(rows);
         Ok(Self { target, rows })
     }
 
-    /// Where it is: everything before that is in the file, whatever happens to the process.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be written.
+    /// The position up to which everything is in the file, whatever happens to the process.
     pub fn position(&mut self) -> Result<LogPosition> {
         self.rows.flush().map_err(|source| Error::io(&self.target, source))?;
         let (bytes, checksum) = self.rows.get_ref().so_far();
         Ok(LogPosition { bytes, checksum: checksum.text() })
     }
 
-    /// Adds the row of a time, in s: the energy of the state, and where it went since the start.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be written.
+    /// Adds the row of a time, in s: the energy of the state, and the balance since the start.
     pub fn push(&mut self, time: f64, energy: &Energy, balance: &Balance) -> Result<()> {
         let finite = |value: f64| value.is_finite().then_some(value);
         let row = Row {
@@ -106,12 +91,79 @@ impl EnergyLog {
     }
 
     /// Completes the file.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be written or renamed.
     pub fn finish(self) -> Result<()> {
         let Self { target, rows } = self;
         rows.into_inner().map_err(|failed| Error::io(target, failed.into_error()))?.into_inner().commit()
+    }
+}
+
+/// FNV-1a of 64 bits, which detects damaged files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Checksum(u64);
+
+impl Default for Checksum {
+    fn default() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+}
+
+impl Checksum {
+    pub fn of(bytes: &[u8]) -> Self {
+        let mut checksum = Self::default();
+        checksum.add(bytes);
+        checksum
+    }
+
+    pub fn add(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+
+    /// Sixteen hexadecimal digits.
+    pub fn text(self) -> String {
+        format!("{:016x}", self.0)
+    }
+}
+
+/// A writer that counts its bytes and sums them up.
+#[derive(Debug)]
+pub struct Tally<W> {
+    inner: W,
+    bytes: u64,
+    checksum: Checksum,
+}
+
+impl<W> Tally<W> {
+    /// Continues after so many bytes with this checksum.
+    pub fn after(inner: W, bytes: u64, checksum: Checksum) -> Self {
+        Self { inner, bytes, checksum }
+    }
+
+    pub fn new(inner: W) -> Self {
+        Self::after(inner, 0, Checksum::default())
+    }
+
+    /// Bytes so far, and their checksum.
+    pub fn so_far(&self) -> (u64, Checksum) {
+        (self.bytes, self.checksum)
+    }
+
+    pub fn into_inner(self) -> W {
+        self.inner
+    }
+}
+
+impl<W: Write> Write for Tally<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.inner.write(bytes)?;
+        self.bytes += written as u64;
+        self.checksum.add(bytes.get(..written).unwrap_or(bytes));
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner.flush()
     }
 }
 
@@ -119,7 +171,6 @@ impl EnergyLog {
 mod tests {
     use super::*;
 
-    /// What a position says is in the file, should the process end there.
     #[test]
     fn positions_are_on_disk() {
         let folder = tempfile::tempdir().unwrap();
@@ -134,9 +185,9 @@ mod tests {
         }
     }
 
-    /// From the first row, from the head alone, and from nothing: the bytes are those of a log that was never interrupted.
+    /// Continued after the first row or from nothing, the bytes are those of a log that was never interrupted.
     #[test]
-    fn a_log_goes_on_where_it_was() {
+    fn logs_continue() {
         let folder = tempfile::tempdir().unwrap();
         let energy = Energy { kinetic: 1.0, elastic: 0.25, gravitational: -2.0 };
         let balance = Balance { work: 0.5, dissipated: 0.125, imbalance: f64::NAN };
@@ -164,5 +215,23 @@ mod tests {
         drop(log);
         let other = LogPosition { checksum: "0".repeat(16), ..after_one };
         assert!(EnergyLog::resume(path("whole.csv"), &other).is_err());
+    }
+
+    /// The published values of FNV-1a.
+    #[test]
+    fn checksums_are_the_published_ones() {
+        for (text, sum) in [("", "cbf29ce484222325"), ("a", "af63dc4c8601ec8c"), ("foobar", "85944171f73967e8")] {
+            assert_eq!(Checksum::of(text.as_bytes()).text(), sum);
+        }
+    }
+
+    #[test]
+    fn tallies_continue_others() {
+        let mut whole = Tally::new(Vec::new());
+        whole.write_all(b"foobar").unwrap();
+        let mut second = Tally::after(Vec::new(), 3, Checksum::of(b"foo"));
+        second.write_all(b"bar").unwrap();
+        assert_eq!(whole.so_far(), second.so_far());
+        assert_eq!((whole.into_inner(), second.into_inner()), (b"foobar".to_vec(), b"bar".to_vec()));
     }
 }

@@ -1,4 +1,4 @@
-//! `final.json`: where everything is and how fast it moves when a run ends.
+//! `final.json`: positions and velocities at the end of a run.
 
 use super::AtomicFile;
 use crate::error::{Error, Invalid, Result};
@@ -7,19 +7,14 @@ use crate::memory;
 use crate::scene::{Row, json_table};
 use crate::system::{State, System, check_length};
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize, Serializer};
-use std::io::{self, Write};
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Writes `{"scene", "time", "steps", "positions", "velocities", "reactions"}`, time in s, positions in m, velocities in m/s, one
 /// row per particle with as many entries as the scene has axes.
 ///
 /// `"reactions"` is `{"particles": […], "forces": [[…]…]}`: for every particle with a prescribed coordinate the
-/// [force](Reactions::at) in N with which its constraint acts on it, zero along axes that are free; null where the ends of a spring
-/// coincide.
-///
-/// # Errors
-/// [`Error::Io`](crate::Error::Io) when the file cannot be written.
+/// [force](Reactions::at) of its constraint in N, zero along free axes; null where the ends of a spring coincide.
 pub fn write_final_state(
     target: impl Into<PathBuf>,
     scene: &str,
@@ -27,43 +22,36 @@ pub fn write_final_state(
     steps: u64,
     state: &State,
 ) -> Result<()> {
-    let dimension = system.dimension();
+    let rows = |vectors: &[Vector3<f64>]| vectors.iter().map(|x| Row::of(x, system.dimension())).collect();
     let reactions = Reactions::at(system, state).ok();
+    let reactions = reactions.as_ref();
     let content = FinalState {
         scene,
         time: state.time,
         steps,
-        positions: Rows::of(&state.positions, dimension),
-        velocities: Rows::of(&state.velocities, dimension),
-        reactions: reactions
-            .as_ref()
-            .map(|Reactions { particles, forces }| ReactionRows { particles, forces: Rows::of(forces, dimension) }),
+        positions: rows(&state.positions),
+        velocities: rows(&state.velocities),
+        reactions: reactions.map(|Reactions { particles, forces }| ReactionRows { particles, forces: rows(forces) }),
     };
-    AtomicFile::write(target, |file| {
-        serde_json::to_writer(&mut *file, &content).map_err(io::Error::from)?;
-        file.write_all(b"\n")
-    })
+    AtomicFile::write_json(target, &content)
 }
 
-/// Bytes that reading holds at most for a byte of the file: the text, and rows twice.
-const BYTES: u64 = 8;
-
-/// Reads the state that [`write_final_state`] wrote, for a system of as many particles and axes: `"time"` in s, `"positions"` in m and `"velocities"` in m/s,
-/// to the bit. Other keys are passed over.
+/// Reads a state that [`write_final_state`] wrote, for a system of as many particles and axes: `"time"` in s, `"positions"` in m and
+/// `"velocities"` in m/s, to the bit. Other keys are ignored.
 ///
 /// # Errors
-/// With the file's name: [`Error::Io`] when it cannot be read, [`Error::Format`] for text that is no such JSON, or in which a number is not finite, with key and
-/// position, and [`Error::Invalid`] for a state that does not fit the system, or that no run could start from: rows of another number or length, coordinates
-/// beyond [`State::LARGEST`], a spring of zero length that needs a direction, an energy beyond the largest number.
+/// With the file's name: [`Error::Io`] when it cannot be read, [`Error::Format`] with key and position for text that is no such JSON, and
+/// [`Error::Invalid`] for a state that does not fit the system or from which no run can start: rows of another number or length,
+/// coordinates beyond [`State::LARGEST`], a spring of zero length without a direction, an energy that overflows.
 pub fn read_final_state(file: &Path, system: &System) -> Result<State> {
     let bytes = std::fs::metadata(file).map_err(|source| Error::io(file, source))?.len();
-    memory::ensure(bytes.saturating_mul(BYTES), "the state")?;
+    // Parsing holds the text, and rows twice.
+    memory::ensure(bytes.saturating_mul(8), "the state")?;
     let text = std::fs::read_to_string(file).map_err(|source| Error::io(file, source))?;
     let stored: Stored = json_table(&text).map_err(|message| Error::Format { file: file.into(), message })?;
     stored.state(system).map_err(|invalid| Error::from(invalid).in_file(file))
 }
 
-/// What a state is read from.
 #[derive(Deserialize)]
 struct Stored {
     time: f64,
@@ -77,9 +65,8 @@ impl Stored {
             check_length(key, rows.len(), system.particles(), "particles of the scene")?;
             rows.iter().enumerate().map(|(at, row)| vector(key, at, row, system.dimension())).collect()
         };
-        let (positions, velocities) =
-            (vectors("positions", &self.positions)?, vectors("velocities", &self.velocities)?);
-        let state = State { time: self.time, positions, velocities };
+        let positions = vectors("positions", &self.positions)?;
+        let state = State { time: self.time, positions, velocities: vectors("velocities", &self.velocities)? };
         for (spring, &[i, j]) in system.pairs().iter().enumerate() {
             let ends = [i, j].map(|p| &state.positions[p as usize]);
             if system.extension(spring, ends[0], ends[1]).is_none() {
@@ -112,31 +99,13 @@ struct FinalState<'a> {
     scene: &'a str,
     time: f64,
     steps: u64,
-    positions: Rows<'a>,
-    velocities: Rows<'a>,
+    positions: Vec<Row>,
+    velocities: Vec<Row>,
     reactions: Option<ReactionRows<'a>>,
 }
 
 #[derive(Serialize)]
 struct ReactionRows<'a> {
     particles: &'a [usize],
-    forces: Rows<'a>,
-}
-
-/// 3-vectors as rows of the first `dimension` components.
-struct Rows<'a> {
-    rows: &'a [Vector3<f64>],
-    dimension: usize,
-}
-
-impl<'a> Rows<'a> {
-    fn of(rows: &'a [Vector3<f64>], dimension: usize) -> Self {
-        Self { rows, dimension }
-    }
-}
-
-impl Serialize for Rows<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(self.rows.iter().map(|row| &row.as_slice()[..self.dimension.min(3)]))
-    }
+    forces: Vec<Row>,
 }

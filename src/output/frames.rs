@@ -1,13 +1,15 @@
-//! Frames for [ParaView](https://www.paraview.org) and everything else that reads VTK.
+//! Frames as VTK XML `PolyData`, for [ParaView](https://www.paraview.org), VisIt and everything else built on VTK.
 //!
-//! A `.pvd` file lists the frames with their times, and opens as one time series; [`write_frame`] says what a frame holds.
+//! A `.pvd` file lists the frames with their times, and opens as one time series; see [`write_frame`] for the contents of a frame.
 
-use super::vtk::write_frame;
 use super::{AtomicFile, OutputFolder, Trajectory};
 use crate::error::Result;
+use crate::spring::Extension;
 use crate::system::{State, System};
-use quick_xml::events::{BytesDecl, Event};
-use std::io::Write;
+use base64::engine::general_purpose::STANDARD;
+use base64::write::EncoderWriter;
+use nalgebra::Vector3;
+use std::io::{self, Write};
 use std::num::NonZeroU64;
 use std::path::PathBuf;
 
@@ -19,7 +21,7 @@ pub struct Frames {
     every: NonZeroU64,
     triangles: Vec<[u32; 3]>,
     trajectory: Trajectory,
-    /// Whether there are files for VTK.
+    /// Files for VTK are written.
     vtk: bool,
     /// Time and step of every frame.
     series: Vec<(f64, u64)>,
@@ -28,21 +30,17 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Frames of the steps that `every` divides, in an output folder, which is created. Those of an earlier run must be gone, see
-    /// [`clear_frames`].
-    ///
-    /// # Errors
-    /// [`Error::Io`](crate::Error::Io) when the folder cannot be written.
+    /// Frames of the steps that `every` divides, in an output folder, which is created. [`clear_frames`] removes those of an earlier run.
     pub fn create(folder: impl Into<PathBuf>, every: NonZeroU64) -> Result<Self> {
         let folder = folder.into();
         let trajectory = Trajectory::create(&folder)?;
         Ok(Self { folder, every, triangles: Vec::new(), trajectory, vtk: true, series: Vec::new(), list_at: 1 })
     }
 
-    /// Goes on behind frames of which [`position`](Self::position) gave the list.
+    /// Continues after the frames that [`position`](Self::position) listed.
     ///
     /// # Errors
-    /// [`Error::Io`](crate::Error::Io) when what waited for the end is not there any more.
+    /// [`Error::Io`](crate::Error::Io) when they do not exist any more.
     pub fn resume(
         folder: impl Into<PathBuf>,
         every: NonZeroU64,
@@ -54,16 +52,13 @@ impl Frames {
         Ok(Self { folder, every, triangles: Vec::new(), trajectory, vtk: true, series, list_at: 1 })
     }
 
-    /// What a later process can go on with stays when this goes.
+    /// Keeps what a later process needs to continue.
     pub fn resumable(mut self) -> Self {
         self.trajectory.keep();
         self
     }
 
-    /// Time, in s, and step of every frame so far: all of them are in files, whatever happens to the process.
-    ///
-    /// # Errors
-    /// [`Error::Io`](crate::Error::Io) when they cannot be written.
+    /// Time, in s, and step of every frame so far, all of which are in files, whatever happens to the process.
     pub fn position(&mut self) -> Result<Vec<(f64, u64)>> {
         self.trajectory.flush()?;
         Ok(self.series.clone())
@@ -79,10 +74,7 @@ impl Frames {
         Self { vtk: false, ..self }
     }
 
-    /// Writes the state after `step` steps as a frame, if the step is one of those wanted.
-    ///
-    /// # Errors
-    /// [`Error::Io`](crate::Error::Io) when a file cannot be written.
+    /// Writes the state after `step` steps as a frame, if `every` divides the step.
     pub fn record(&mut self, system: &System, state: &State, step: u64) -> Result<()> {
         if !step.is_multiple_of(self.every.get()) {
             return Ok(());
@@ -93,8 +85,8 @@ impl Frames {
             return Ok(());
         }
         write_frame(self.folder.join(name(step)), system, state, &self.triangles)?;
-        // Rewriting the list whenever it has grown by an eighth keeps it valid at every moment, even when the process
-        // is killed, for a total cost in proportion to its length.
+        // Rewritten whenever it has grown by an eighth, the list is valid even when the process is killed, at a total cost
+        // proportional to its length.
         if self.series.len() >= self.list_at {
             self.write_list()?;
             self.list_at = self.series.len() + self.series.len() / 8 + 1;
@@ -103,9 +95,6 @@ impl Frames {
     }
 
     /// Writes the complete list of frames and the trajectory.
-    ///
-    /// # Errors
-    /// [`Error::Io`](crate::Error::Io) when one of them cannot be written.
     pub fn finish(self, system: &System) -> Result<()> {
         if self.vtk {
             self.write_list()?;
@@ -115,21 +104,11 @@ impl Frames {
 
     fn write_list(&self) -> Result<()> {
         AtomicFile::write(self.folder.join("frames.pvd"), |file| {
-            let mut xml = quick_xml::Writer::new_with_indent(file, b' ', 2);
-            xml.write_event(Event::Decl(BytesDecl::new("1.0", None, None)))?;
-            let root = xml.create_element("VTKFile").with_attributes([("type", "Collection"), ("version", "0.1")]);
-            root.write_inner_content(|xml| {
-                let list = xml.create_element("Collection").write_inner_content(|xml| {
-                    for &(time, step) in &self.series {
-                        let (timestep, file) = (format!("{time:?}"), name(step));
-                        let attributes = [("timestep", timestep.as_str()), ("part", "0"), ("file", &file)];
-                        xml.create_element("DataSet").with_attributes(attributes).write_empty()?;
-                    }
-                    Ok(())
-                });
-                list.map(drop)
-            })?;
-            xml.into_inner().write_all(b"\n")
+            writeln!(file, "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>")?;
+            for &(time, step) in &self.series {
+                writeln!(file, "<DataSet timestep=\"{time:?}\" part=\"0\" file=\"{}\"/>", name(step))?;
+            }
+            writeln!(file, "</Collection>\n</VTKFile>")
         })
     }
 }
@@ -140,31 +119,111 @@ fn name(step: u64) -> String {
 }
 
 /// Removes the frames of an earlier run, and their list.
-///
-/// # Errors
-/// [`Error::Io`](crate::Error::Io) when a file cannot be removed.
 pub fn clear_frames(folder: &OutputFolder) -> Result<()> {
     folder.remove("frames.pvd")?;
-    let is_frame = |name: &str| name.starts_with("frame_") && name.ends_with(".vtp");
-    folder.remove_inside("frames", is_frame)
+    folder.remove_inside("frames", |name| name.starts_with("frame_") && name.ends_with(".vtp"))
 }
 
-/// Removes the frames after a step, which a run that goes on from there writes anew, or does not come to.
-///
-/// # Errors
-/// [`Error::Io`](crate::Error::Io) when a file cannot be removed.
+/// Removes the frames after a step, before a run continues from there.
 pub fn clear_frames_after(folder: &OutputFolder, step: u64) -> Result<()> {
     let number = |name: &str| name.strip_prefix("frame_")?.strip_suffix(".vtp")?.parse().ok();
     folder.remove_inside("frames", |name| number(name).is_some_and(|number: u64| number > step))
 }
 
+/// Writes a state as `.vtp`: particles are points in m with the data `velocity` in m/s; springs are lines, `triangles` of a mesh are
+/// polygons, both with the strain `l/l0 − 1` as `strain`, a triangle with the mean of those of its sides that are springs.
+/// Units are in the file as VTK's `UNITS_LABEL`. Coordinates along axes that a scene does not model are zero.
+pub fn write_frame(target: impl Into<PathBuf>, system: &System, state: &State, triangles: &[[u32; 3]]) -> Result<()> {
+    let pairs = system.pairs();
+    let mut strains: Vec<f64> = (0..pairs.len()).map(|spring| strain(system, state, spring)).collect();
+    strains.extend(mean_of_sides(pairs, &strains, triangles));
+    let (points, lines, polygons) = (state.positions.len(), pairs.len(), triangles.len());
+    AtomicFile::write(target, |file| {
+        writeln!(
+            file,
+            r#"<?xml version="1.0"?>
+<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">
+<PolyData>
+<Piece NumberOfPoints="{points}" NumberOfVerts="0" NumberOfLines="{lines}" NumberOfStrips="0" NumberOfPolys="{polygons}">
+<PointData Vectors="velocity">"#
+        )?;
+        vectors(file, "velocity", "m/s", &state.velocities)?;
+        writeln!(file, "</PointData>\n<CellData Scalars=\"strain\">")?;
+        let values = strains.iter().map(|strain| strain.to_le_bytes());
+        array(file, "type=\"Float64\" Name=\"strain\" NumberOfComponents=\"1\"", "1", strains.len(), values)?;
+        writeln!(file, "</CellData>\n<Points>")?;
+        vectors(file, "position", "m", &state.positions)?;
+        writeln!(file, "</Points>\n<Lines>")?;
+        cells(file, pairs)?;
+        writeln!(file, "</Lines>\n<Polys>")?;
+        cells(file, triangles)?;
+        writeln!(file, "</Polys>\n</Piece>\n</PolyData>\n</VTKFile>")
+    })
+}
+
+/// l/l0 − 1, which is −1 where the ends coincide.
+fn strain(system: &System, state: &State, spring: usize) -> f64 {
+    let [i, j] = system.pair(spring);
+    let extension = Extension::between(&state.positions[i], &state.positions[j]);
+    extension.map_or(-1.0, |at| system.springs()[spring].strain(&at))
+}
+
+/// The mean strain of those of every triangle's sides that are springs, zero where none is. A mesh's pairs are sorted.
+fn mean_of_sides(pairs: &[[u32; 2]], strains: &[f64], triangles: &[[u32; 3]]) -> Vec<f64> {
+    let side = |a: u32, b: u32| pairs.binary_search(&[a.min(b), a.max(b)]).ok().and_then(|s| strains.get(s));
+    let mean = |&[a, b, c]: &[u32; 3]| {
+        let sides = [side(a, b), side(b, c), side(c, a)];
+        let count = sides.iter().flatten().count().max(1) as f64;
+        sides.iter().flatten().copied().sum::<f64>() / count
+    };
+    triangles.iter().map(mean).collect()
+}
+
+fn vectors(file: &mut AtomicFile, name: &str, unit: &str, rows: &[Vector3<f64>]) -> io::Result<()> {
+    let values = rows.iter().flat_map(|row| [row.x, row.y, row.z]).map(f64::to_le_bytes);
+    let attributes = format!("type=\"Float64\" Name=\"{name}\" NumberOfComponents=\"3\"");
+    array(file, &attributes, unit, 3 * rows.len(), values)
+}
+
+/// Cells of equal size, as consecutive corners and the end of each.
+fn cells<const N: usize>(file: &mut AtomicFile, corners: &[[u32; N]]) -> io::Result<()> {
+    let all = corners.iter().flatten().map(|&p| i64::from(p).to_le_bytes());
+    array(file, "type=\"Int64\" Name=\"connectivity\"", "", N * corners.len(), all)?;
+    let ends = (1..=corners.len()).map(|k| ((N * k) as i64).to_le_bytes());
+    array(file, "type=\"Int64\" Name=\"offsets\"", "", corners.len(), ends)
+}
+
+/// A data array: the number of its bytes, then its values of eight bytes, in base64.
+fn array(
+    file: &mut AtomicFile,
+    attributes: &str,
+    unit: &str,
+    count: usize,
+    values: impl Iterator<Item = [u8; 8]>,
+) -> io::Result<()> {
+    writeln!(file, "<DataArray {attributes} format=\"binary\">")?;
+    let mut text = EncoderWriter::new(&mut *file, &STANDARD);
+    text.write_all(&(8 * count as u64).to_le_bytes())?;
+    for value in values {
+        text.write_all(&value)?;
+    }
+    text.finish()?;
+    drop(text);
+    if !unit.is_empty() {
+        let key = "InformationKey name=\"UNITS_LABEL\" location=\"vtkDataArray\"";
+        write!(file, "\n<{key}>{unit}</InformationKey>")?;
+    }
+    writeln!(file, "\n</DataArray>")
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{Frames, clear_frames};
-    use crate::output::{OutputFolder, TRAJECTORY};
-    use crate::system::{State, System, SystemBuilder};
+    use super::*;
+    use crate::output::TRAJECTORY;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+    use base64::Engine;
     use std::collections::BTreeSet;
-    use std::num::NonZeroU64;
     use std::path::Path;
 
     fn particle() -> (System, State) {
@@ -177,45 +236,26 @@ mod tests {
         NonZeroU64::new(steps).unwrap()
     }
 
-    /// Frames in the list as it is.
     fn listed(folder: &Path) -> usize {
         std::fs::read_to_string(folder.join("frames.pvd")).unwrap().matches("<DataSet ").count()
     }
 
-    /// The first eight frames, and then those with which an eighth has come, and one: 8 + 1 + 1 = 10, 10 + 1 + 1 = 12, …
+    /// The list grows one by one up to eight frames, then by an eighth and one: 8 + 1 + 1 = 10, 10 + 1 + 1 = 12, …
     #[test]
     fn the_list_is_written_when_it_has_grown_by_an_eighth() {
-        let (folder, (system, state)) = (tempfile::tempdir().unwrap(), particle());
-        let mut frames = Frames::create(folder.path(), every(1)).unwrap();
+        let (folder, (system, mut state)) = (tempfile::tempdir().unwrap(), particle());
+        let mut frames = Frames::create(folder.path(), every(2)).unwrap();
         let mut lists = BTreeSet::new();
-        for step in 0..24 {
+        for step in 0..48 {
+            state.time = 0.5 * step as f64;
             frames.record(&system, &state, step).unwrap();
             lists.insert(listed(folder.path()));
         }
         assert_eq!(Vec::from_iter(lists), [1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 19, 22]);
-    }
-
-    /// At every moment at most an eighth of the frames is not in the list, which is not written for every frame.
-    #[test]
-    fn the_list_follows_the_frames() {
-        let (folder, (system, mut state)) = (tempfile::tempdir().unwrap(), particle());
-        let mut frames = Frames::create(folder.path(), every(2)).unwrap();
-        let mut lists = BTreeSet::new();
-        for count in 1..=64_usize {
-            let step = 2 * (count as u64 - 1);
-            state.time = 0.5 * step as f64;
-            frames.record(&system, &state, step).unwrap();
-            frames.record(&system, &state, step + 1).unwrap();
-            let listed = listed(folder.path());
-            assert!(listed <= count && count - listed <= listed / 8, "{listed} of {count}");
-            lists.insert(listed);
-        }
-        // Eight one by one, then whenever an eighth has come: 8 ln(64/8) = 16.6 times.
-        assert!(lists.len() <= 24, "{lists:?}");
         let position = frames.position().unwrap();
-        assert_eq!((position.len(), position[0], position[63]), (64, (0.0, 0), (63.0, 126)));
+        assert_eq!((position.len(), position[0], position[23]), (24, (0.0, 0), (23.0, 46)));
         frames.finish(&system).unwrap();
-        assert_eq!(listed(folder.path()), 64);
+        assert_eq!(listed(folder.path()), 24);
     }
 
     #[test]
@@ -236,7 +276,6 @@ mod tests {
         assert_eq!(left, [TRAJECTORY]);
     }
 
-    /// Frames of an earlier run go, with their list; what others have put beside them stays.
     #[test]
     fn frames_are_cleared_and_nothing_else() {
         let parent = tempfile::tempdir().unwrap();
@@ -247,5 +286,42 @@ mod tests {
         ours.iter().chain(&others).for_each(|name| std::fs::write(path(name), "").unwrap());
         clear_frames(&OutputFolder::claim(parent.path(), false).unwrap()).unwrap();
         assert!(!ours.iter().any(|name| path(name).exists()) && others.iter().all(|name| path(name).exists()));
+    }
+
+    /// Strains of the sides 0–1, 0–2 and 1–2; another triangle has one of them, a third none.
+    #[test]
+    fn triangles_have_the_mean_strain_of_their_sides() {
+        let means = mean_of_sides(&[[0, 1], [0, 2], [1, 2]], &[0.5, 0.25, 0.75], &[[2, 0, 1], [3, 1, 0], [3, 4, 5]]);
+        assert_eq!(means, [0.5, 0.5, 0.0]);
+        assert_eq!(mean_of_sides(&[[0, 1], [0, 2]], &[0.5, 0.25], &[[0, 1, 2]]), [0.375]);
+    }
+
+    /// Every array starts with the number of its bytes: of three particles, two springs and a triangle.
+    #[test]
+    fn arrays_are_as_long_as_they_say() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut builder = SystemBuilder::new();
+        for x in [0.0, 1.0, 3.0] {
+            builder.particle([x, x * x, 0.0], 1.0);
+        }
+        for i in [0, 1] {
+            builder.spring(i, i + 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        }
+        let (system, state) = builder.build().unwrap();
+        write_frame(folder.path().join("frame.vtp"), &system, &state, &[[0, 1, 2]]).unwrap();
+        let text = std::fs::read_to_string(folder.path().join("frame.vtp")).unwrap();
+        let values: Vec<u64> = text
+            .split("<DataArray ")
+            .skip(1)
+            .map(|array| {
+                let content = array.split('>').nth(1).unwrap().split('<').next().unwrap();
+                let bytes = STANDARD.decode(content.trim()).unwrap();
+                let (length, values) = bytes.split_first_chunk().unwrap();
+                assert_eq!(u64::from_le_bytes(*length), values.len() as u64, "{array}");
+                values.len() as u64 / 8
+            })
+            .collect();
+        // Velocities, strains, positions, corners and ends of the lines, corners and ends of the triangles.
+        assert_eq!(values, [9, 3, 9, 4, 2, 3, 1]);
     }
 }

@@ -1,19 +1,18 @@
-//! From an output folder back to a motion that can be played.
+//! From an output folder to a motion that can be played.
 
-use super::arrays::{array, list, wrong};
-use super::trajectory::TRAJECTORY;
+use super::trajectory::{TRAJECTORY, array, list, wrong};
 use crate::error::{Error, Result};
 use crate::figure::{Animation, Binding, SceneTopology, Track};
 use crate::report::number::typeset;
 use nalgebra::Vector3;
 use serde_json::Value;
 use std::fs::File;
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufReader};
 use std::path::Path;
 use zip::ZipArchive;
 
-/// The motion that a run left in its output folder: the frames of `trajectory.npz`, the curves of `energy.csv`, and what
-/// `summary.json` says of the run, where they are there.
+/// The motion in a run's output folder: the frames of `trajectory.npz`, and where they exist the curves of `energy.csv` and the facts of
+/// `summary.json`.
 ///
 /// # Errors
 /// [`Error::Io`] without a readable `trajectory.npz`, [`Error::Format`] for one that does not hold a motion.
@@ -21,7 +20,8 @@ pub fn playback(folder: &Path) -> Result<Animation> {
     let path = folder.join(TRAJECTORY);
     let file = File::open(&path).map_err(|source| Error::io(&path, source))?;
     let mut animation = read(folder, file).map_err(|error| Error::Format { file: path, message: error.to_string() })?;
-    let summary = json(&folder.join("summary.json"));
+    let summary = std::fs::read_to_string(folder.join("summary.json")).ok();
+    let summary = summary.and_then(|text| serde_json::from_str::<Value>(&text).ok());
     describe(&mut animation, summary.as_ref());
     animation.tracks = energies(&folder.join("energy.csv")).unwrap_or_default();
     Ok(animation)
@@ -30,29 +30,32 @@ pub fn playback(folder: &Path) -> Result<Animation> {
 fn read(folder: &Path, file: File) -> io::Result<Animation> {
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(io::Error::from)?;
     let times: Vec<f64> = list(&mut archive, "times")?;
-    let bindings: Vec<u8> = list(&mut archive, "bindings")?;
     let gravity: Vec<f64> = list(&mut archive, "gravity")?;
-    let cast = SceneTopology {
+    let binding = |code: u8| match code {
+        0 => Binding::Free,
+        1 => Binding::Held,
+        _ => Binding::Moved,
+    };
+    let topology = SceneTopology {
         dimension: gravity.len(),
-        gravity: vector(&gravity),
-        bindings: bindings.iter().map(|&code| binding(code)).collect(),
+        gravity: Vector3::from_fn(|axis, _| gravity.get(axis).copied().unwrap_or(0.0)),
+        bindings: list(&mut archive, "bindings")?.into_iter().map(binding).collect(),
         pairs: rows(&list(&mut archive, "pairs")?),
         rest_lengths: list(&mut archive, "rest_lengths")?,
         stiffnesses: list(&mut archive, "stiffness")?,
         triangles: rows(&list(&mut archive, "triangles")?),
     };
-    let n = cast.bindings.len();
-    let valid = |&p: &u32| (p as usize) < n;
-    let numbers = cast.pairs.iter().flatten().chain(cast.triangles.iter().flatten());
-    if !(1..=3).contains(&cast.dimension) || !numbers.clone().all(valid) {
+    let n = topology.bindings.len();
+    let mut particles = topology.pairs.iter().flatten().chain(topology.triangles.iter().flatten());
+    if !(1..=3).contains(&topology.dimension) || !particles.all(|&p| (p as usize) < n) {
         return Err(wrong("its arrays do not fit together"));
     }
-    if cast.rest_lengths.len() != cast.pairs.len() || cast.stiffnesses.len() != cast.pairs.len() {
+    if topology.rest_lengths.len() != topology.pairs.len() || topology.stiffnesses.len() != topology.pairs.len() {
         return Err(wrong("not every spring has a rest length and a stiffness"));
     }
-    let axes = cast.dimension;
+    let axes = topology.dimension;
     let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let mut animation = Animation::new(name, cast);
+    let mut animation = Animation::new(name, topology);
     let positions = array(&mut archive, "positions")?;
     if *positions.shape() != [times.len() as u64, n as u64, axes as u64] {
         return Err(wrong("its positions do not fit to its times and masses"));
@@ -72,27 +75,7 @@ fn rows<const N: usize>(values: &[u32]) -> Vec<[u32; N]> {
     values.as_chunks().0.to_vec()
 }
 
-fn vector(row: &[f64]) -> Vector3<f64> {
-    let mut vector = Vector3::zeros();
-    vector.iter_mut().zip(row).for_each(|(component, &value)| *component = value);
-    vector
-}
-
-fn binding(code: u8) -> Binding {
-    match code {
-        0 => Binding::Free,
-        1 => Binding::Held,
-        _ => Binding::Moved,
-    }
-}
-
-fn json(path: &Path) -> Option<Value> {
-    let mut text = String::new();
-    File::open(path).ok()?.read_to_string(&mut text).ok()?;
-    serde_json::from_str(&text).ok()
-}
-
-/// The scene's name, how it was computed and how it ended, as a `summary.json` says, and how far frames are apart.
+/// Adds the scene's name, the method and the outcome from a `summary.json`, and the interval of frames.
 pub fn describe(animation: &mut Animation, summary: Option<&Value>) {
     let value = |key: &str| summary.and_then(|summary| summary.get(key));
     let text = |key: &str| value(key).and_then(Value::as_str).map(str::to_owned);
@@ -103,7 +86,7 @@ pub fn describe(animation: &mut Animation, summary: Option<&Value>) {
         Some(stiffness) if stiffness != "none" => format!("{method}, stiffness {stiffness}"),
         _ => method,
     });
-    // Of a run that chose its steps dt is only the distance of its records.
+    // With adaptive steps dt is only the interval of records.
     let number = |key: &str| value(key).and_then(Value::as_f64).map(digits);
     let dt = match (number("rtol"), number("dt")) {
         (Some(rtol), _) => Some(format!("steps by rtol {rtol}")),
@@ -120,7 +103,7 @@ pub fn describe(animation: &mut Animation, summary: Option<&Value>) {
     animation.remarks.extend([method, dt, status, apart].into_iter().flatten());
 }
 
-/// A number in at most five digits, with a power of ten where it would be a row of zeros.
+/// A number in at most five digits, with a power of ten where it is very large or small.
 fn digits(value: f64) -> String {
     let rounded: f64 = format!("{value:.4e}").parse().unwrap_or(value);
     if rounded == 0.0 || (1e-6..1e9).contains(&rounded.abs()) {
@@ -130,7 +113,7 @@ fn digits(value: f64) -> String {
     }
 }
 
-/// Columns of `energy.csv` that go into one picture, in J: the energies, and where energy came from and went to.
+/// Columns of `energy.csv` that share a picture, in J: the energies, and their balance.
 const ENERGIES: [&str; 4] = ["kinetic", "elastic", "gravitational", "total"];
 const BALANCE: [&str; 3] = ["work", "dissipated", "imbalance"];
 
@@ -150,11 +133,11 @@ fn energies(path: &Path) -> Option<Vec<Track>> {
     Some(energy_tracks(&times, columns))
 }
 
-/// Curves of named columns over times in s: the energies together, their balance together, every other column by itself; none of a single
-/// moment.
+/// Curves of named columns over times in s: the energies together, their balance together, every other column by itself; none for a single
+/// time.
 ///
-/// The zero of gravitational energy means nothing, and where a scene stands high above its origin every exchange of energy would be
-/// a flat line far below it: gravitational and total energy are counted from the lowest gravitational energy of the motion.
+/// Gravitational and total energy are counted from the lowest gravitational energy of the motion: their zero is arbitrary, and a large
+/// constant would hide every exchange of energy.
 pub fn energy_tracks(times: &[f64], columns: impl IntoIterator<Item = (String, Vec<f64>)>) -> Vec<Track> {
     if times.len() < 2 {
         return Vec::new();

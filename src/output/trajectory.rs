@@ -1,6 +1,6 @@
 //! `trajectory.npz`: the frames of a run in one file, for NumPy and for the page that plays them.
 //!
-//! An `.npz` file is a zip of `.npy` arrays; `numpy.load("trajectory.npz")` opens it. Everything needed to look at the motion is in it:
+//! An `.npz` file is a zip of `.npy` arrays; `numpy.load("trajectory.npz")` opens it.
 //!
 //! | array | type | shape | |
 //! |---|---|---|---|
@@ -14,69 +14,60 @@
 //! | `triangles` | uint32 | (T, 3) | corners of a mesh's faces |
 //! | `gravity` | float64 | (d) | in m/s² |
 //!
-//! F frames, N particles, S springs, d modelled axes. A zip holds one array after the other, a run gives one frame after the other: frames
-//! wait in a file of their own until the run ends.
+//! F frames, N particles, S springs, d modelled axes. A zip has one array after the other, a run one frame after the other: frames are
+//! in a temporary file until the run ends.
 
 use super::AtomicFile;
-use super::arrays::{Archive, array, list, wrong};
+use super::files::{MISSING, truncated};
 use crate::error::{Error, Result};
 use crate::figure::Binding;
 use crate::scene::NpzWriter;
 use crate::system::{State, System};
+use npyz::NpyFile;
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use tempfile::TempPath;
 use zip::ZipArchive;
+use zip::read::ZipFile;
 
 /// The name of the file in an output folder.
 pub const TRAJECTORY: &str = "trajectory.npz";
+
+/// The name of the temporary file of frames.
+pub const WAITING: &str = ".sprung-trajectory.part";
 
 /// The frames of a run under way.
 #[derive(Debug)]
 pub struct Trajectory {
     target: PathBuf,
-    waiting: Waiting,
+    /// The temporary file: of every frame positions, then velocities, in little-endian doubles. Removed when dropped, unless kept.
+    file: BufWriter<File>,
+    path: TempPath,
     times: Vec<f64>,
     steps: Vec<u64>,
 }
 
-/// The name of the file in which frames wait.
-pub const WAITING: &str = ".sprung-trajectory.part";
-
-/// Frames in a file of their own, which goes when this goes, unless it is to be gone on with: positions, then velocities, in doubles of the machine's order.
-#[derive(Debug)]
-struct Waiting {
-    path: PathBuf,
-    file: BufWriter<File>,
-    is_kept: bool,
-}
-
-impl Drop for Waiting {
-    fn drop(&mut self) {
-        if !self.is_kept {
-            let _ = std::fs::remove_file(&self.path);
-        }
-    }
-}
-
 impl Trajectory {
     /// Starts the trajectory of a run in an output folder, which is created.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when the folder or a file in it cannot be written.
     pub fn create(folder: &Path) -> Result<Self> {
         std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
         let path = folder.join(WAITING);
         let file = File::options().read(true).write(true).create(true).truncate(true).open(&path);
-        let file = BufWriter::with_capacity(1 << 18, file.map_err(|source| Error::io(&path, source))?);
-        let waiting = Waiting { path, file, is_kept: false };
-        Ok(Self { target: folder.join(TRAJECTORY), waiting, times: Vec::new(), steps: Vec::new() })
+        Self::new(folder, file, path, Vec::new(), Vec::new())
     }
 
-    /// Goes on behind frames of these times and steps, which wait in the folder, or are the first of the trajectory that a run which came to its end wrote.
+    fn new(folder: &Path, file: io::Result<File>, path: PathBuf, times: Vec<f64>, steps: Vec<u64>) -> Result<Self> {
+        let failed = |source| Error::io(&path, source);
+        let file = BufWriter::with_capacity(1 << 18, file.map_err(failed)?);
+        let path = TempPath::try_from_path(&path).map_err(failed)?;
+        Ok(Self { target: folder.join(TRAJECTORY), file, path, times, steps })
+    }
+
+    /// Continues after frames of these times and steps, from the temporary file or from the trajectory of a finished run.
     ///
     /// # Errors
-    /// [`Error::Io`] when they do not.
+    /// [`Error::Io`] when neither has them.
     pub fn resume(folder: &Path, frames: &[(f64, u64)], system: &System) -> Result<Self> {
         let path = folder.join(WAITING);
         let length = (2 * 8 * system.particles() * system.dimension() * frames.len()) as u64;
@@ -85,45 +76,28 @@ impl Trajectory {
             let target = folder.join(TRAJECTORY);
             restore(&target, &path, frames, system).map_err(|source| Error::io(target, source))?;
         }
-        let open = || -> io::Result<File> {
-            let mut file = File::options().read(true).write(true).open(&path)?;
-            if file.metadata()?.len() < length {
-                return Err(io::ErrorKind::UnexpectedEof.into());
-            }
-            file.set_len(length)?;
-            file.seek(SeekFrom::End(0))?;
-            Ok(file)
-        };
-        let file = BufWriter::with_capacity(1 << 18, open().map_err(|source| Error::io(&path, source))?);
-        let waiting = Waiting { path, file, is_kept: true };
         let (times, steps) = frames.iter().copied().unzip();
-        Ok(Self { target: folder.join(TRAJECTORY), waiting, times, steps })
+        let mut trajectory = Self::new(folder, truncated(&path, length), path, times, steps)?;
+        trajectory.keep();
+        Ok(trajectory)
     }
 
-    /// The frames that wait stay when this goes.
+    /// Keeps the temporary file for a later process.
     pub fn keep(&mut self) {
-        self.waiting.is_kept = true;
+        self.path.disable_cleanup(true);
     }
 
-    /// Makes sure that all frames are in the file.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when they cannot be written.
+    /// Writes all frames to the file.
     pub fn flush(&mut self) -> Result<()> {
-        let Waiting { path, file, .. } = &mut self.waiting;
-        file.flush().map_err(|source| Error::io(&*path, source))
+        self.file.flush().map_err(|source| Error::io(&self.path, source))
     }
 
     /// Adds the state after `step` steps.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be written.
     pub fn push(&mut self, system: &System, state: &State, step: u64) -> Result<()> {
         let axes = system.dimension();
-        let Waiting { path, file, .. } = &mut self.waiting;
         for row in state.positions.iter().chain(&state.velocities) {
             for value in row.iter().take(axes) {
-                file.write_all(&value.to_le_bytes()).map_err(|source| Error::io(&*path, source))?;
+                self.file.write_all(&value.to_le_bytes()).map_err(|source| Error::io(&self.path, source))?;
             }
         }
         self.times.push(state.time);
@@ -132,16 +106,12 @@ impl Trajectory {
     }
 
     /// Writes `trajectory.npz`.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be written.
     pub fn finish(mut self, system: &System, triangles: &[[u32; 3]]) -> Result<()> {
-        let target = self.target.clone();
-        self.waiting.file.flush().map_err(|source| Error::io(&self.waiting.path, source))?;
-        let mut frames = BufReader::with_capacity(1 << 18, self.waiting.file.get_ref());
+        self.flush()?;
+        let mut frames = BufReader::with_capacity(1 << 18, self.file.get_ref());
         let [n, axes, count] = [system.particles(), system.dimension(), self.times.len()];
         let springs = system.springs();
-        AtomicFile::write(&target, |file| {
+        AtomicFile::write(&self.target, |file| {
             let mut npz = NpzWriter::new(file);
             npz.put("times", &[count], self.times.iter().copied())?;
             npz.put("steps", &[count], self.steps.iter().copied())?;
@@ -153,24 +123,30 @@ impl Trajectory {
             npz.put("damping", &[springs.len()], springs.iter().map(|spring| spring.damping))?;
             npz.put("triangles", &[triangles.len(), 3], triangles.iter().flatten().copied())?;
             npz.put("gravity", &[axes], system.gravity().iter().copied().take(axes))?;
-            for (name, skipped) in [("positions", 0), ("velocities", n * axes)] {
-                put_frames(&mut npz, name, &mut frames, [count, n, axes], skipped)?;
+            // A frame has positions, then velocities.
+            let bytes = (8 * n * axes) as u64;
+            for (name, skipped) in [("positions", 0), ("velocities", bytes)] {
+                let array = npz.doubles(name, &[count, n, axes].map(|length| length as u64))?;
+                for frame in 0..count as u64 {
+                    frames.seek(SeekFrom::Start(2 * bytes * frame + skipped))?;
+                    io::copy(&mut (&mut frames).take(bytes), array)?;
+                }
             }
             npz.finish()
         })
     }
 }
 
-/// Puts the first frames of a trajectory back to where they waited for its end.
+/// Copies the first frames of a trajectory to a temporary file.
 fn restore(from: &Path, to: &Path, frames: &[(f64, u64)], system: &System) -> io::Result<()> {
     let open = || -> io::Result<Archive> { Ok(ZipArchive::new(BufReader::new(File::open(from)?))?) };
     let (mut first, mut second) = (open()?, open()?);
     let (times, steps): (Vec<f64>, Vec<u64>) = (list(&mut first, "times")?, list(&mut first, "steps")?);
-    let is_ours = times.len() >= frames.len() && times.into_iter().zip(steps).zip(frames).all(|(a, b)| a == *b);
+    let has_frames = times.len() >= frames.len() && times.into_iter().zip(steps).zip(frames).all(|(a, b)| a == *b);
     let (positions, velocities) = (array(&mut first, "positions")?, array(&mut second, "velocities")?);
     let rows = [system.particles() as u64, system.dimension() as u64];
-    if !is_ours || [&positions, &velocities].iter().any(|array| array.shape().get(1..) != Some(&rows)) {
-        return Err(wrong("what the checkpoint goes on from is not there any more"));
+    if !has_frames || [&positions, &velocities].iter().any(|array| array.shape().get(1..) != Some(&rows)) {
+        return Err(wrong(MISSING));
     }
     let number = |error: npyz::DTypeError| wrong(&error.to_string());
     let mut halves = [positions.data::<f64>().map_err(number)?, velocities.data::<f64>().map_err(number)?];
@@ -186,22 +162,221 @@ fn restore(from: &Path, to: &Path, frames: &[(f64, u64)], system: &System) -> io
     waiting.flush()
 }
 
-/// Half of every waiting frame: what comes after so many skipped numbers.
-fn put_frames<W: Write>(
-    npz: &mut NpzWriter<W>,
+/// A `trajectory.npz` that is read.
+pub(super) type Archive = ZipArchive<BufReader<File>>;
+
+/// The array of a name, as a stream.
+pub(super) fn array<'a>(
+    archive: &'a mut Archive,
     name: &str,
-    frames: &mut BufReader<&File>,
-    [count, n, axes]: [usize; 3],
-    skipped: usize,
-) -> io::Result<()> {
-    let array = npz.doubles(name, &[count, n, axes].map(|length| length as u64))?;
-    let half = (n * axes * 8) as u64;
-    for frame in 0..count as u64 {
-        frames.seek(SeekFrom::Start(2 * half * frame + 8 * skipped as u64))?;
-        io::copy(&mut frames.take(half), array)?;
-    }
-    Ok(())
+) -> io::Result<NpyFile<BufReader<ZipFile<'a, BufReader<File>>>>> {
+    let entry = archive.by_name(&format!("{name}.npy")).map_err(|error| wrong(&format!("{name}: {error}")))?;
+    NpyFile::new(BufReader::with_capacity(1 << 18, entry))
+}
+
+/// The numbers of an array.
+pub(super) fn list<T: npyz::Deserialize>(archive: &mut Archive, name: &str) -> io::Result<Vec<T>> {
+    array(archive, name)?.into_vec()
+}
+
+pub(super) fn wrong(message: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, message)
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::output::playback;
+    use crate::spring::Spring;
+    use crate::system::{Axes, Constraint, Motion, SystemBuilder};
+    use nalgebra::Vector3;
+
+    /// Three particles in a plane: a free, a held and a moved one.
+    fn scene() -> (System, State) {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        builder.gravity(0.5, -9.81, 0.0);
+        for x in [1.0, 2.0, 4.0] {
+            builder.particle([x, -x, 0.0], 1.0);
+        }
+        builder.spring(0, 1, Spring { stiffness: 7.0, rest_length: 1.5, damping: 0.0 });
+        builder.spring(2, 1, Spring { stiffness: 8.0, rest_length: 2.5, damping: 0.0 });
+        builder.hold(1);
+        let motion = Motion::Velocity(Vector3::new(1.0, 0.0, 0.0));
+        builder.constrain(Constraint { particles: vec![2], axes: Axes::of(&[0]), motion });
+        builder.build().unwrap()
+    }
+
+    /// The state of a frame: all coordinates and velocities differ.
+    fn frame(start: &State, number: u64) -> State {
+        let mut state = start.clone();
+        state.time = 0.5 * number as f64;
+        for (p, (x, v)) in state.positions.iter_mut().zip(&mut state.velocities).enumerate() {
+            *x += Vector3::new(10.0 * number as f64, p as f64, 0.0);
+            *v = Vector3::new(-(number as f64), 100.0 + p as f64, 0.0);
+        }
+        state
+    }
+
+    fn numbers(folder: &Path, name: &str) -> Vec<f64> {
+        let mut archive = ZipArchive::new(BufReader::new(File::open(folder.join(TRAJECTORY)).unwrap())).unwrap();
+        list(&mut archive, name).unwrap()
+    }
+
+    fn planar<'s>(vectors: impl IntoIterator<Item = &'s Vector3<f64>>) -> Vec<f64> {
+        vectors.into_iter().flat_map(|v| [v.x, v.y]).collect()
+    }
+
+    #[test]
+    fn every_frame_is_read_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let (system, start) = scene();
+        let mut trajectory = Trajectory::create(folder.path()).unwrap();
+        let states = [0, 1, 2].map(|number| frame(&start, number));
+        for (state, step) in states.iter().zip([0, 3, 6]) {
+            trajectory.push(&system, state, step).unwrap();
+        }
+        trajectory.finish(&system, &[[2, 1, 0]]).unwrap();
+        assert!(!folder.path().join(WAITING).exists());
+        assert_eq!(numbers(folder.path(), "velocities"), planar(states.iter().flat_map(|state| &state.velocities)));
+        assert_eq!(numbers(folder.path(), "positions"), planar(states.iter().flat_map(|state| &state.positions)));
+
+        let animation = playback(folder.path()).unwrap();
+        assert_eq!(animation.times, [0.0, 0.5, 1.0]);
+        let expected: Vec<Vector3<f64>> = states.iter().flat_map(|state| state.positions.clone()).collect();
+        assert_eq!(animation.positions, expected);
+        let cast = animation.cast();
+        assert_eq!((cast.dimension, cast.gravity), (2, Vector3::new(0.5, -9.81, 0.0)));
+        assert_eq!(cast.bindings, [Binding::Free, Binding::Held, Binding::Moved]);
+        assert_eq!((&cast.pairs[..], &cast.triangles[..]), (&[[0, 1], [2, 1]][..], &[[2, 1, 0]][..]));
+        assert_eq!((&cast.rest_lengths[..], &cast.stiffnesses[..]), (&[1.5, 2.5][..], &[7.0, 8.0][..]));
+        // Nothing is known but the motion.
+        assert_eq!(animation.remarks, ["a frame every 0.5 s"]);
+        assert!(animation.tracks.is_empty());
+    }
+
+    #[test]
+    fn frames_continue_after_a_checkpoint() {
+        let folder = tempfile::tempdir().unwrap();
+        let (system, start) = scene();
+        let states = [0, 1, 2].map(|number| frame(&start, number));
+        let mut trajectory = Trajectory::create(folder.path()).unwrap();
+        for (step, state) in (0..).zip(&states) {
+            trajectory.push(&system, state, step).unwrap();
+        }
+        trajectory.keep();
+        trajectory.flush().unwrap();
+        let waiting = folder.path().join(WAITING);
+        let bytes = std::fs::metadata(&waiting).unwrap().len();
+        // Two vectors of two doubles for each of three particles.
+        assert_eq!(bytes, 3 * (3 * 2 * 2 * 8));
+        drop(trajectory);
+        assert!(waiting.exists());
+        // The frame after the checkpoint is written again.
+        let known = [(0.0, 0), (0.5, 1)];
+        let mut trajectory = Trajectory::resume(folder.path(), &known, &system).unwrap();
+        let other = frame(&start, 5);
+        trajectory.push(&system, &other, 2).unwrap();
+        trajectory.flush().unwrap();
+        assert_eq!(std::fs::metadata(&waiting).unwrap().len(), bytes);
+        let all = [known[0], known[1], (2.5, 2)];
+        drop(trajectory);
+        Trajectory::resume(folder.path(), &all, &system).unwrap().finish(&system, &[]).unwrap();
+        let expected = [&states[0], &states[1], &other].map(|state| planar(&state.velocities)).concat();
+        assert_eq!(numbers(folder.path(), "velocities"), expected);
+        assert_eq!(
+            (numbers(folder.path(), "times"), playback(folder.path()).unwrap().times.len()),
+            (vec![0.0, 0.5, 2.5], 3)
+        );
+    }
+
+    #[test]
+    fn missing_frames_are_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let (system, start) = scene();
+        let mut trajectory = Trajectory::create(folder.path()).unwrap();
+        trajectory.push(&system, &start, 0).unwrap();
+        trajectory.flush().unwrap();
+        let frames = [(0.0, 0), (0.5, 1)];
+        assert!(Trajectory::resume(folder.path(), &frames, &system).is_err());
+        // A run without a result leaves no frames.
+        drop(trajectory);
+        assert!(!folder.path().join(WAITING).exists());
+    }
+
+    /// A trajectory of one particle and the lists given beside it.
+    fn with_lists(
+        folder: &Path,
+        gravity: &[f64],
+        pairs: &[u32],
+        rest_lengths: &[f64],
+        times: &[f64],
+    ) -> Option<String> {
+        let mut npz = NpzWriter::new(File::create(folder.join(TRAJECTORY)).unwrap());
+        npz.put("times", &[times.len()], times.iter().copied()).unwrap();
+        npz.put("bindings", &[2], [0u8, 1].into_iter()).unwrap();
+        npz.put("gravity", &[gravity.len()], gravity.iter().copied()).unwrap();
+        npz.put("pairs", &[pairs.len() / 2, 2], pairs.iter().copied()).unwrap();
+        npz.put("rest_lengths", &[rest_lengths.len()], rest_lengths.iter().copied()).unwrap();
+        npz.put("stiffness", &[1], [1.0].into_iter()).unwrap();
+        npz.put("triangles", &[0, 3], std::iter::empty::<u32>()).unwrap();
+        npz.put("positions", &[1, 2, 1], [0.0, 1.0].into_iter()).unwrap();
+        npz.finish().unwrap();
+        playback(folder).err().map(|error| error.to_string())
+    }
+
+    #[test]
+    fn inconsistent_lists_are_rejected() {
+        let folder = tempfile::tempdir().unwrap();
+        let wrong = |gravity: &[f64], pairs: &[u32], rest_lengths: &[f64], times: &[f64]| {
+            with_lists(folder.path(), gravity, pairs, rest_lengths, times)
+        };
+        assert_eq!(wrong(&[0.0], &[0, 1], &[1.0], &[0.0]), None);
+        for (message, end) in [
+            (wrong(&[0.0], &[0, 2], &[1.0], &[0.0]), "its arrays do not fit together"),
+            (wrong(&[], &[0, 1], &[1.0], &[0.0]), "its arrays do not fit together"),
+            (wrong(&[0.0; 4], &[0, 1], &[1.0], &[0.0]), "its arrays do not fit together"),
+            (wrong(&[0.0], &[0, 1], &[1.0, 1.0], &[0.0]), "not every spring has a rest length and a stiffness"),
+            (wrong(&[0.0], &[0, 1, 1, 0], &[1.0, 1.0], &[0.0]), "not every spring has a rest length and a stiffness"),
+            (wrong(&[0.0], &[0, 1], &[1.0], &[0.0, 1.0]), "its positions do not fit to its times and masses"),
+            (wrong(&[0.0; 2], &[0, 1], &[1.0], &[0.0]), "its positions do not fit to its times and masses"),
+        ] {
+            assert!(message.as_deref().is_some_and(|message| message.ends_with(end)), "{message:?}");
+        }
+    }
+
+    #[test]
+    fn the_summary_and_the_energies_of_a_run_are_shown() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(with_lists(folder.path(), &[0.0], &[0, 1], &[1.0], &[0.0]), None);
+        let remarks = |summary: &str| {
+            std::fs::write(folder.path().join("summary.json"), summary).unwrap();
+            let animation = playback(folder.path()).unwrap();
+            (animation.title, animation.remarks)
+        };
+        let all =
+            r#"{"scene": "bridge", "method": "bdf2", "stiffness": "full", "dt": 0.0123456, "status": "completed"}"#;
+        let expected = ["bdf2, stiffness full", "dt = 0.012346 s"].map(String::from);
+        assert_eq!(remarks(all), ("bridge".into(), expected.to_vec()));
+        let failed = r#"{"method": "verlet", "stiffness": "none", "rtol": 1e-3, "dt": 1.0, "status": "unstable",
+            "failure": {"message": "energy from nowhere"}}"#;
+        let expected =
+            ["verlet", "steps by rtol 0.001", "the run ended unstable: energy from nowhere"].map(String::from);
+        assert_eq!(remarks(failed).1, expected);
+        assert_eq!(remarks("no summary").1, [""; 0]);
+
+        let tracks = |text: &str| {
+            std::fs::write(folder.path().join("energy.csv"), text).unwrap();
+            playback(folder.path()).unwrap().tracks
+        };
+        let found = tracks("time,kinetic,elastic,work,rope_length\n0,1,2,3,4\n0.5,5,,7,8\n");
+        let titles: Vec<_> = found.iter().map(|track| (track.title.as_str(), track.unit.as_str())).collect();
+        assert_eq!(titles, [("energy", "J"), ("balance of energy", "J"), ("rope length", "")]);
+        assert!(found.iter().all(|track| track.times == [0.0, 0.5]));
+        assert_eq!((&found[0].curves[0], found[0].curves[1].1[0]), (&("kinetic".into(), vec![1.0, 5.0]), 2.0));
+        assert!(found[0].curves[1].1[1].is_nan());
+        assert_eq!(found[1].curves, [("work".into(), vec![3.0, 7.0])]);
+        assert_eq!(tracks("time,kinetic\n0,1\n1,1\n").len(), 1);
+        // One moment is no curve, and a table of something else none of energies.
+        assert!(tracks("time,kinetic\n0,1\n").is_empty() && tracks("step,kinetic\n0,1\n1,2\n").is_empty());
+    }
+}

@@ -1,65 +1,54 @@
 //! `chart.html`: speed against accuracy, and the limits of stability, for people.
 
 use super::number::{self, pretty, typeset};
-use super::{page, plot, tiles};
+use super::page::{self, Column, Row};
+use super::{plot, tiles};
 use crate::chart::stability::{StabilityMap, Varied};
 use crate::chart::{Decision, Figure, Run, WorkPrecision};
 use maud::{Markup, html};
-use std::collections::BTreeMap;
 
 /// The chart as one HTML page without scripts and without anything to load.
 pub fn chart_html(chart: &WorkPrecision, map: &StabilityMap) -> String {
     let figures = chart.figures();
+    let picture = |figure: &Figure| page::figure(plot::svg(&figure.plot), &html! { (typeset(&figure.caption)) });
     let named = |names: &[&str]| {
         let chosen = figures.iter().filter(|figure| names.contains(&figure.name));
         page::figures(&chosen.map(picture).collect::<Vec<_>>())
     };
+    let section = |id, heading: &str, body: &Markup| page::section(id, &html! { (heading) }, body);
     let body = html! {
-        (decision(chart))
-        (page::section("methods", &html! { "The best option of each method" }, &methods(chart)))
-        (page::section("speed", &html! { "Speed against accuracy" }, &html! {
+        div.banner.passed {
+            strong { "What to use" }
+            ul { @for sentence in chart.recommendations() { li { (typeset(&sentence)) } } }
+        }
+        (section("methods", "The best option of each method", &methods(chart)))
+        (section("speed", "Speed against accuracy", &html! {
             p {
                 "Every point is one run of the whole motion. Of each method the stiffness option and solver that cost least over \
                  all accuracies are drawn; for one accuracy another may cost less. Work is counted in force evaluations of this scene: it is the same as often as a run is repeated, time is not."
             }
             (named(&["time", "work", "solves", "error"]))
-            (failures(chart))
         }))
-        (page::section("options", &html! { "Stiffness options and solvers" }, &named(&["options-euler", "options-w2"])))
-        (page::section("drift", &html! { "What methods add or take away" }, &named(&["energy", "angular-momentum"])))
-        (page::section("solvers", &html! { "Linear solvers" }, &named(&["tolerance-error", "tolerance-work", "sizes-cloth", "sizes-lattice"])))
-        @if !map.tiles.is_empty() { (stability(map)) }
-        (page::section("runs", &html! { "All runs" }, &page::folded(&number::count(chart.runs.len(), "run"), &table(&chart.runs))))
+        (section("options", "Stiffness options and solvers", &named(&["options-euler", "options-w2"])))
+        (section("drift", "What methods add or take away", &named(&["energy", "angular-momentum"])))
+        (section("solvers", "Linear solvers", &named(&["tolerance-error"])))
+        @if !map.tiles.is_empty() { (section("stability", "Where methods are stable", &stability(map))) }
+        (section("runs", "All runs", &page::folded(&number::count(chart.runs.len(), "run"), &runs(&chart.runs))))
     };
-    let lead = typeset(&format!(
+    let lead = format!(
         "A motion of {} s; errors are measured against {}, whose own error is about {}.",
         chart.duration,
         chart.reference.method,
         pretty(chart.reference.error_estimate)
-    ));
-    page::page(&format!("Speed against accuracy: {}", chart.scene), &lead, &body)
+    );
+    page::page(&format!("Speed against accuracy: {}", chart.scene), &typeset(&lead), &body)
 }
 
-fn picture(figure: &Figure) -> Markup {
-    page::figure(plot::svg(&figure.plot), &html! { (typeset(&figure.caption)) })
-}
-
-fn decision(chart: &WorkPrecision) -> Markup {
-    html! {
-        div.banner.passed {
-            strong { "What to use" }
-            ul { @for sentence in chart.recommendations() { li { (typeset(&sentence)) } } }
-        }
-    }
-}
-
-/// Accuracies whose table stands open; those of smaller errors are folded away.
-const OPEN: usize = 2;
-
-/// Of each method the option, solver and step with the least work, for every accuracy that can be had.
+/// The option, solver and step of each method with the least work, for every accuracy that can be had.
 fn methods(chart: &WorkPrecision) -> Markup {
     let decisions = chart.decisions();
-    let (open, folded) = decisions.split_at(decisions.len().min(OPEN));
+    let (open, folded) = decisions.split_at(decisions.len().min(2));
+    let limits = chart.longest_steps();
     html! {
         p {
             "Only steps from which on every shorter one of the same method, option and solver succeeded and erred less: what a longer step \
@@ -68,91 +57,75 @@ fn methods(chart: &WorkPrecision) -> Markup {
         @if decisions.is_empty() {
             p { "No method has such steps with an error below 10 %: give the chart more time, or a shorter motion." }
         } @else {
-            (page::scrolling("The best option of each method for the larger errors", &best(open)))
+            (best("The best option of each method for the larger errors", open))
         }
         @if !folded.is_empty() {
-            (page::folded("For smaller errors", &page::scrolling("The best option of each method for the smaller errors", &best(folded))))
+            (page::folded("For smaller errors", &best("The best option of each method for the smaller errors", folded)))
         }
         (page::folded("How long the steps of each may be", &html! {
-            table { tbody {
-                @for (name, reach) in chart.reaches() { tr { td { (name) } td { (typeset(&reach)) } } }
-            } }
+            table { tbody { @for (name, limit) in limits { tr { td { (name) } td { (typeset(&limit)) } } } } }
         }))
     }
 }
 
-fn best(decisions: &[Decision<'_>]) -> Markup {
-    html! {
-        table.full.cards {
-            thead { tr {
-                th scope="col" { "method" } th scope="col" { "stiffness" } th scope="col" { "solver" } th scope="col" { "steps" }
-                th.number scope="col" { "work" } th.number scope="col" { "time, s" } th.number scope="col" { "error" }
-            } }
-            @for decision in decisions {
-                tbody {
-                    tr.why { td colspan="7" { (typeset(&format!("For an error below {} %:", decision.percent()))) } }
-                    @for run in &decision.methods { tr {
-                        td { (run.method) @if run.rtol.is_some() { ", adaptive" } } td { (run.stiffness) } td { (run.solver) } td { (typeset(&run.pace())) }
-                        td.number data-of="work" { (pretty(run.cost.round())) } td.number data-of="time, s" { (pretty(run.wall_seconds)) }
-                        td.number data-of="error" { (run.error.map_or(String::new(), pretty)) }
-                    } }
-                }
-            }
-        }
-    }
+fn text(value: impl AsRef<str>) -> Markup {
+    html! { (value.as_ref()) }
 }
 
-/// Failed runs by configuration and cause.
-fn failures(chart: &WorkPrecision) -> Markup {
-    let mut groups: BTreeMap<(&str, &str, &str, String), Vec<f64>> = BTreeMap::new();
-    for run in &chart.runs {
-        if let Some(cause) = run.cause() {
-            groups.entry((run.method, run.stiffness, run.solver, cause)).or_default().push(run.dt);
-        }
+fn best(name: &str, decisions: &[Decision<'_>]) -> Markup {
+    use Column::{Number, Text};
+    let columns = [
+        ("method", Text),
+        ("stiffness", Text),
+        ("solver", Text),
+        ("steps", Text),
+        ("work", Number),
+        ("time, s", Number),
+        ("error", Number),
+    ];
+    let mut rows = Vec::new();
+    for decision in decisions {
+        rows.push(Row::Heading(format!("For an error below {} %:", decision.percent())));
+        rows.extend(decision.methods.iter().map(|run| {
+            Row::Cells(vec![
+                html! { (run.method) @if run.rtol.is_some() { ", adaptive" } },
+                text(run.stiffness),
+                text(run.solver),
+                text(typeset(&run.step_control())),
+                text(pretty(run.cost.round())),
+                text(pretty(run.wall_seconds)),
+                text(run.error.map_or(String::new(), pretty)),
+            ])
+        }));
     }
-    let rows = html! {
-        table.full.causes.cards {
-            thead { tr { th scope="col" { "method" } th scope="col" { "stiffness" } th scope="col" { "solver" } th scope="col" { "what failed" } th scope="col" { "at steps of" } } }
-            tbody {
-                @for ((method, stiffness, solver, cause), steps) in &groups {
-                    tr {
-                        td { (method) } td { (stiffness) } td { (solver) } td { (cause) }
-                        td data-of="at steps of" { (steps.iter().map(|dt| pretty(*dt)).collect::<Vec<_>>().join(", ")) " s" }
-                    }
-                }
-            }
-        }
-    };
-    html! {
-        @if !groups.is_empty() {
-            h3 { "Runs that failed" }
-            (page::scrolling("Runs that failed", &rows))
-        }
-    }
+    page::table(name, "full cards", &columns, rows)
 }
 
 fn stability(map: &StabilityMap) -> Markup {
     let (predicted, contradictions) = map.agreement();
     let of = |axis| {
-        let tiles = map.tiles.iter().filter(move |tile| tile.axis == axis);
-        tiles
-            .map(|tile| page::figure(tiles::svg(&tile.figure()), &html! { (caption(tile.limits.concat().is_empty())) }))
+        let tiles = map.tiles.iter().filter(|tile| tile.axis == axis).map(|tile| {
+            let caption = match tile.limits.iter().all(Vec::is_empty) {
+                true => "No limit in closed form crosses this picture.",
+                false => "Lines: limits in closed form.",
+            };
+            page::figure(tiles::svg(&tile.figure()), &text(caption))
+        });
+        page::figures(&tiles.collect::<Vec<_>>())
     };
-    let body = html! {
+    html! {
         p {
             "One particle between two springs to fixed walls, moved a thousandth of its spring's length off the middle. ω is the \
              frequency of its vibration along the springs. A cell is one run of up to 2000 steps, coloured by what failed first; \
              the lines are limits that theory gives. Above λ = 1 the springs are stretched and the particle swings across them \
              with the frequency ω √(1 − 1/λ); below they are compressed and it buckles."
         }
-        p.quiet {
-            "Of " (predicted) " cells about which theory says something, " (contradictions) " contradict it."
-        }
+        p.quiet { "Of " (predicted) " cells about which theory says something, " (contradictions) " contradict it." }
         h3 { "Over the stretch, without damping" }
-        (page::figures(&of(Varied::Stretch).collect::<Vec<_>>()))
+        (of(Varied::Stretch))
         h3 { "Over damping, with springs of twice their rest length" }
         p { "The dampers act along the springs only: they do nothing for the motion across." }
-        (page::figures(&of(Varied::Damping).collect::<Vec<_>>()))
+        (of(Varied::Damping))
         h3 { "Over turning: what no linear model shows" }
         p {
             "One particle that circles a fixed point on a spring; θ is the angle by which a step turns it. After a turn by one radian \
@@ -160,37 +133,35 @@ fn stability(map: &StabilityMap) -> Markup {
              spring by one per cent more than the exact motion does. A method that linearises at the start of its step takes \
              the stretch that comes from stepping straight on for real, and brakes the turning by it."
         }
-        (page::figures(&of(Varied::Turning).collect::<Vec<_>>()))
-    };
-    page::section("stability", &html! { "Where methods are stable" }, &body)
+        (of(Varied::Turning))
+    }
 }
 
-fn caption(without_limit: bool) -> &'static str {
-    if without_limit { "No limit in closed form crosses this picture." } else { "Lines: limits in closed form." }
-}
-
-fn table(runs: &[Run]) -> Markup {
-    let rows = html! {
-        table.full.cards {
-            thead { tr {
-                th scope="col" { "method" } th scope="col" { "stiffness" } th scope="col" { "solver" } th.number scope="col" { "dt, s" } th.number scope="col" { "error" }
-                th.number scope="col" { "time, s" } th.number scope="col" { "work" } th.number scope="col" { "solves" } th scope="col" { "status" }
-            } }
-            tbody {
-                @for run in runs {
-                    tr {
-                        td { (run.method) @if let Some(rtol) = run.rtol { ", rtol " (pretty(rtol)) } }
-                        td { (run.stiffness) } td { (run.solver) }
-                        td.number data-of="dt, s" { (pretty(run.dt)) }
-                        td.number data-of="error" { (run.error.map_or("—".into(), pretty)) }
-                        td.number data-of="time, s" { (pretty(run.wall_seconds)) }
-                        td.number data-of="work" { (pretty(run.cost.round())) }
-                        td.number data-of="solves" { (run.work.solves) }
-                        td { (run.status.name()) }
-                    }
-                }
-            }
-        }
-    };
-    page::scrolling("All runs", &rows)
+fn runs(runs: &[Run]) -> Markup {
+    use Column::{Number, Text};
+    let columns = [
+        ("method", Text),
+        ("stiffness", Text),
+        ("solver", Text),
+        ("dt, s", Number),
+        ("error", Number),
+        ("time, s", Number),
+        ("work", Number),
+        ("solves", Number),
+        ("status", Text),
+    ];
+    let rows = runs.iter().map(|run| {
+        Row::Cells(vec![
+            html! { (run.method) @if let Some(rtol) = run.rtol { ", rtol " (pretty(rtol)) } },
+            text(run.stiffness),
+            text(run.solver),
+            text(pretty(run.dt)),
+            text(run.error.map_or("—".into(), pretty)),
+            text(pretty(run.wall_seconds)),
+            text(pretty(run.cost.round())),
+            html! { (run.work.solves) },
+            text(run.status.name()),
+        ])
+    });
+    page::table("All runs", "full cards", &columns, rows)
 }

@@ -1,31 +1,20 @@
-//! Checks of one name on a page: their numbers, figures and worst entries.
+//! Checks on a page, by claim and by name: their numbers, figures and worst entries.
 
 use super::number::{self, count, pretty, short_pair, typeset};
-use super::{drawing, page, plot};
-use crate::verify::{Check, Entry, worst};
+use super::page::{self, Column, Row};
+use super::{drawing, plot};
+use crate::verify::{Check, Claim, Entry, worst};
 use maud::{Markup, html};
 
-/// Of so many failed checks of a name figures are shown.
-const FAILURES: usize = 12;
+/// Checks, each with its place in the results.
+pub(super) type Numbered<'a> = Vec<(usize, &'a Check)>;
 
-/// The scenes of all checks without what was varied on them, by which a page is filtered.
-pub(super) struct Scenes(Vec<String>);
-
-impl Scenes {
-    pub fn of(checks: &[Check]) -> Self {
-        let mut names: Vec<String> = checks.iter().map(|check| base(&check.scene).to_owned()).collect();
-        names.sort_unstable();
-        names.dedup();
-        Self(names)
-    }
-
-    pub fn names(&self) -> &[String] {
-        &self.0
-    }
-
-    fn number(&self, scene: &str) -> Option<usize> {
-        self.0.binary_search_by(|name| name.as_str().cmp(base(scene))).ok()
-    }
+/// The scenes of all checks without what was varied on them, in their order, by which a page is filtered.
+pub(super) fn scenes(checks: &[Check]) -> Vec<String> {
+    let mut names: Vec<String> = checks.iter().map(|check| base(&check.scene).to_owned()).collect();
+    names.sort_unstable();
+    names.dedup();
+    names
 }
 
 /// `cloth` of `cloth, full, dt = 0.01`.
@@ -38,24 +27,61 @@ pub(super) fn anchor(index: usize) -> String {
     format!("check-{index}")
 }
 
+pub(super) fn failed(checks: &[(usize, &Check)]) -> usize {
+    checks.iter().filter(|(_, check)| !check.passed()).count()
+}
+
+/// The largest share of a bound.
+pub(super) fn worst_share(checks: &[(usize, &Check)]) -> f64 {
+    worst(checks.iter().map(|(_, check)| check.share()))
+}
+
 /// ✓ or ✗, with a word for those who hear the page.
-pub(super) fn mark(passed: bool) -> Markup {
+fn mark(passed: bool) -> Markup {
     html! {
         @if passed { span.passed role="img" aria-label="holds" { "✓" } }
         @else { span.failed role="img" aria-label="fails" { "✗" } }
     }
 }
 
-/// The same check on all its scenes, the worst first. Where all passed everything but the worst share is folded away. Of `narrowest`
-/// passed ones, those nearest their bounds, figures and worst entries are shown.
-pub(super) fn group(name: &str, checks: &[(usize, &Check)], narrowest: usize, scenes: &Scenes) -> Markup {
+/// A claim with its checks, by name, the worst first.
+pub(super) fn claim_section(claim: Claim, checks: &[(usize, &Check)], scenes: &[String]) -> Markup {
     let mut sorted = checks.to_vec();
-    sorted.sort_by(|(_, a), (_, b)| worst_first(a, b));
-    let (failed, passed): (Vec<_>, Vec<_>) = sorted.iter().partition(|(_, check)| !check.passed());
-    let worst = number::share(pretty, worst(checks.iter().map(|(_, check)| check.share())));
+    // Failed ones before passed ones, larger shares of the bound before smaller ones.
+    sorted.sort_by(|(_, a), (_, b)| a.passed().cmp(&b.passed()).then(b.share().total_cmp(&a.share())));
+    let mut groups: Vec<(&str, Numbered<'_>)> = Vec::new();
+    for entry in sorted {
+        match groups.iter_mut().find(|(name, _)| *name == entry.1.name) {
+            Some((_, group)) => group.push(entry),
+            None => groups.push((&entry.1.name, vec![entry])),
+        }
+    }
+    // A claim with many checks shows fewer figures of each.
+    let narrowest = (12 / groups.len().max(1)).clamp(1, 2);
+    let failed = failed(checks);
+    html! {
+        section.claim id=(claim.id()) {
+            h2 { (mark(failed == 0)) " " (claim.title()) }
+            p.formula { (page::formula(claim.formula())) }
+            p { (claim.explanation()) }
+            p.quiet {
+                (count(checks.len(), "check"))
+                @if failed == 0 { ", all passed." } @else { ", " (failed) " failed." }
+            }
+            @for (name, checks) in groups { (group(name, checks, narrowest, scenes)) }
+        }
+    }
+}
+
+/// The same check on all its scenes, the worst first; what passed is folded away. Figures and worst entries are shown of all failed checks
+/// and of the `narrowest` passed ones nearest their bounds.
+fn group(name: &str, checks: Numbered<'_>, narrowest: usize, scenes: &[String]) -> Markup {
+    let worst = number::share(pretty, worst_share(&checks));
+    let (failed, passed): (Numbered<'_>, Numbered<'_>) = checks.into_iter().partition(|(_, check)| !check.passed());
+    let tables = passed.iter().filter(|(_, check)| !check.table.is_empty()).take(narrowest);
     let body = html! {
         @if !passed.is_empty() { (values(name, &passed, scenes)) }
-        @for (_, check) in nearest(&passed, narrowest, |check| !check.table.is_empty()) {
+        @for (_, check) in tables {
             h4 { "Worst entries on " (check.scene) }
             (entries(check))
         }
@@ -74,13 +100,8 @@ pub(super) fn group(name: &str, checks: &[(usize, &Check)], narrowest: usize, sc
     }
 }
 
-/// Failed ones before passed ones, larger shares of the bound before smaller ones.
-fn worst_first(a: &Check, b: &Check) -> std::cmp::Ordering {
-    a.passed().cmp(&b.passed()).then(b.share().total_cmp(&a.share()))
-}
-
 /// The numbers, those with the same reason for their bound together below it.
-fn values(name: &str, checks: &[(usize, &Check)], scenes: &Scenes) -> Markup {
+fn values(name: &str, checks: &[(usize, &Check)], scenes: &[String]) -> Markup {
     let mut reasons: Vec<&str> = Vec::new();
     for (_, check) in checks {
         if !reasons.contains(&check.why.as_str()) {
@@ -91,9 +112,7 @@ fn values(name: &str, checks: &[(usize, &Check)], scenes: &Scenes) -> Markup {
         table.full.checks {
             thead { tr {
                 th scope="col" { "scene" }
-                th.number scope="col" { "value" }
-                th.number scope="col" { "bound" }
-                th.number scope="col" { "value / bound" }
+                @for heading in ["value", "bound", "value / bound"] { th.number scope="col" { (heading) } }
                 td.bar {}
                 th scope="col" { span.word { "verdict" } }
             } }
@@ -110,15 +129,19 @@ fn values(name: &str, checks: &[(usize, &Check)], scenes: &Scenes) -> Markup {
 
 /// A row, short since there are thousands: the style sheet knows its cells by their place, and adds the word to the mark. All digits
 /// are in `report.json`.
-fn value_row(index: usize, check: &Check, scenes: &Scenes) -> Markup {
+fn value_row(index: usize, check: &Check, scenes: &[String]) -> Markup {
     let [value, bound] = short_pair(check.value, check.bound);
+    // A bar on a logarithmic scale from 1e-6 to 100 has the bound at 75 %; a NaN, which is beyond every bound, fills it.
+    let length = 12.5 * (check.share().log10() + 6.0);
+    let length = if length.is_nan() { 100.0 } else { length.clamp(0.0, 100.0) };
+    let scene = scenes.binary_search_by(|name| name.as_str().cmp(base(&check.scene))).ok();
     html! {
-        tr id=(anchor(index)) class=[(!check.passed()).then_some("failed-row")] data-s=[scenes.number(&check.scene)] {
+        tr id=(anchor(index)) class=[(!check.passed()).then_some("failed-row")] data-s=[scene] {
             td { (check.scene) }
             td { (value) }
             td { (bound) }
             td { (number::share(pretty, check.share())) }
-            td { (meter(check)) }
+            td { i style=(format!("--v:{length:.0}%")) {} }
             td {
                 @if check.passed() { "✓" } @else { "✗" }
                 @if !check.passed() && check.value <= check.bound { br; "not finite" }
@@ -127,89 +150,50 @@ fn value_row(index: usize, check: &Check, scenes: &Scenes) -> Markup {
     }
 }
 
-/// All digits.
-fn exact(value: f64) -> String {
-    format!("{value:e}")
-}
-
-/// The share of the bound as a bar on a logarithmic scale from 1e-6 to 100, with a line at the bound, at 75 %.
-fn meter(check: &Check) -> Markup {
-    let length = (12.5 * (check.share().log10() + 6.0)).clamp(0.0, 100.0);
-    // A NaN fills the bar: it is beyond every bound.
-    let length = if length.is_nan() { 100.0 } else { length };
-    html! { i style=(format!("--v:{length:.0}%")) {} }
-}
-
 fn entries(check: &Check) -> Markup {
-    let has = |wanted: fn(&Entry) -> bool| check.table.iter().any(wanted);
-    let (columns, springs) = (has(|entry| entry.column.is_some()), has(|entry| entry.spring.is_some()));
-    let index = |index: Option<usize>| index.map(|index| index.to_string()).unwrap_or_default();
-    let table = html! {
-        table.cards {
-            thead { tr {
-                th scope="col" { "in words" }
-                @if springs { th.number scope="col" { "spring" } }
-                th.number scope="col" { "row" }
-                @if columns { th.number scope="col" { "column" } }
-                th.number scope="col" { "analytic" }
-                th.number scope="col" { "numeric" }
-                th.number scope="col" { "difference" }
-                th.number scope="col" { "relative" }
-            } }
-            tbody {
-                @for entry in &check.table {
-                    tr {
-                        td.words { (entry.verdict) }
-                        @if springs { td.number data-of="spring" { (index(entry.spring)) } }
-                        td.number data-of="row" { (entry.row) }
-                        @if columns { td.number data-of="column" { (index(entry.column)) } }
-                        td.number data-of="analytic" title=(exact(entry.analytic)) { (pretty(entry.analytic)) }
-                        td.number data-of="numeric" title=(exact(entry.numeric)) { (pretty(entry.numeric)) }
-                        td.number data-of="difference" { (pretty(entry.absolute)) }
-                        td.number data-of="relative" { (pretty(entry.relative)) }
-                    }
-                }
-            }
-        }
-    };
-    page::scrolling(&format!("Worst entries on {}", check.scene), &table)
+    let exact = |value: f64| html! { span title=(format!("{value:e}")) { (pretty(value)) } };
+    type Cell<'a> = Box<dyn Fn(&Entry) -> Markup + 'a>;
+    let mut columns: Vec<(&str, Column, Cell<'_>)> =
+        vec![("in words", Column::Text, Box::new(|entry| html! { span.words { (entry.verdict) } }))];
+    if check.table.iter().any(|entry| entry.spring.is_some()) {
+        columns.push((
+            "spring",
+            Column::Number,
+            Box::new(|entry| html! { @if let Some(spring) = entry.spring { (spring) } }),
+        ));
+    }
+    columns.push(("row", Column::Number, Box::new(|entry| html! { (entry.row) })));
+    if check.table.iter().any(|entry| entry.column.is_some()) {
+        columns.push((
+            "column",
+            Column::Number,
+            Box::new(|entry| html! { @if let Some(column) = entry.column { (column) } }),
+        ));
+    }
+    columns.push(("analytic", Column::Number, Box::new(|entry| exact(entry.analytic))));
+    columns.push(("numeric", Column::Number, Box::new(|entry| exact(entry.numeric))));
+    columns.push(("difference", Column::Number, Box::new(|entry| html! { (pretty(entry.absolute)) })));
+    columns.push(("relative", Column::Number, Box::new(|entry| html! { (pretty(entry.relative)) })));
+    let headings: Vec<(&str, Column)> = columns.iter().map(|&(heading, kind, _)| (heading, kind)).collect();
+    let rows = check.table.iter().map(|entry| Row::Cells(columns.iter().map(|(_, _, cell)| cell(entry)).collect()));
+    page::table(&format!("Worst entries on {}", check.scene), "cards", &headings, rows)
 }
 
 /// Figures of the failed checks, then of those that passed most narrowly; the numbers of all others are in the table.
 fn pictures(failed: &[(usize, &Check)], passed: &[(usize, &Check)], narrowest: usize) -> Markup {
-    let with_figures = |checks: &[&(usize, &Check)]| checks.iter().filter(|(_, check)| has_pictures(check)).count();
-    let shown: Vec<&(usize, &Check)> =
-        failed.iter().take(FAILURES).chain(nearest(passed, narrowest, has_pictures)).collect();
-    let all: Vec<&(usize, &Check)> = failed.iter().chain(passed).collect();
-    let left_out = with_figures(&all) - with_figures(&shown);
-    let figures: Vec<Markup> = shown.iter().flat_map(|(_, check)| pictures_of(check)).collect();
+    let has_pictures = |(_, check): &&(usize, &Check)| !check.curves.is_empty() || check.drawing.is_some();
+    let all = failed.iter().chain(passed).filter(has_pictures).count();
+    let shown = failed.iter().filter(has_pictures).take(12).chain(passed.iter().filter(has_pictures).take(narrowest));
+    let shown: Vec<&Check> = shown.map(|(_, check)| *check).collect();
+    let figures = shown.iter().flat_map(|check| {
+        let caption = html! { (mark(check.passed())) " " (check.scene) };
+        let pictures = check.curves.iter().map(plot::svg).chain(check.drawing.iter().map(drawing::svg));
+        pictures.map(|svg| page::figure(svg, &caption)).collect::<Vec<_>>()
+    });
     html! {
-        (page::figures(&figures))
-        @if left_out > 0 {
-            p.quiet { "Figures of " (count(left_out, "further check")) " are left out; those nearest their bounds are shown." }
+        (page::figures(&figures.collect::<Vec<_>>()))
+        @if all > shown.len() {
+            p.quiet { "Figures of " (count(all - shown.len(), "further check")) " are left out; those nearest their bounds are shown." }
         }
     }
-}
-
-fn has_pictures(check: &Check) -> bool {
-    !check.curves.is_empty() || check.drawing.is_some()
-}
-
-/// The few checks nearest their bounds among those that fulfil a condition, nearest first.
-fn nearest<'a, 'c>(
-    passed: &'a [(usize, &'c Check)],
-    count: usize,
-    condition: fn(&Check) -> bool,
-) -> Vec<&'a (usize, &'c Check)> {
-    let mut chosen: Vec<_> = passed.iter().filter(|(_, check)| condition(check)).collect();
-    chosen.sort_by(|(_, a), (_, b)| b.share().total_cmp(&a.share()));
-    chosen.truncate(count);
-    chosen
-}
-
-fn pictures_of(check: &Check) -> Vec<Markup> {
-    let caption = html! { (mark(check.passed())) " " (check.scene) };
-    let plots = check.curves.iter().map(plot::svg);
-    let drawings = check.drawing.iter().map(drawing::svg);
-    plots.chain(drawings).map(|svg| page::figure(svg, &caption)).collect()
 }

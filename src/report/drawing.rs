@@ -1,219 +1,302 @@
 //! Scene sketches as SVG.
 
-use super::canvas::{LINE, TEXT, WIDTH, width, wrap};
-use super::heading::Heading;
-use super::label_placement::{BADGE, LabelPlacement};
 use super::number::{self, typeset};
-use super::palette::{self, css};
-use super::projection::{ARROW, Projection, View};
+use super::sheet::{DIVERGING, FAIL, INK, LINE, PAPER, Point, Sheet, WIDTH, path, width, wrap};
 use crate::figure::{Arrow, Drawing, Segment};
-use maud::{Markup, html};
-use std::fmt::Write;
 
 /// More springs than this are thinned out; the highlighted ones always stay.
 const SPRINGS: usize = 8000;
 /// More particles than this are not dotted.
 const DOTS: usize = 200;
-/// Of more arrows than this only the longest are drawn: the strain is to be seen between them.
+/// Only so many arrows are drawn, the longest, so that the strain is seen between them.
 const ARROWS: usize = 48;
-/// More held particles than this have small squares.
-const CROWD: usize = 40;
+/// Length of the longest arrow in pixels.
+const ARROW: f64 = 96.0;
+/// Half the height of the badge with a spring's number.
+const BADGE: f64 = 17.0;
+/// Free space around a badge.
+const GAP: f64 = 4.0;
 
 /// Draws a scene as one SVG element, 800 pixels wide, that can stand in a page or alone in a file.
 ///
 /// Planar scenes are drawn flat, others from above at an angle without perspective, upwards against gravity. Springs are coloured
 /// by their scalar, blue for negative and orange for positive; highlighted ones carry their number, and the lines below say why.
 pub fn svg(drawing: &Drawing) -> String {
-    let view = View::of(drawing);
-    let labels: Vec<(usize, &Segment)> =
-        drawing.segments.iter().enumerate().filter(|(_, segment)| segment.label.is_some()).collect();
-    let heading = Heading::new(&drawing.title, &drawing.conclusion);
-    let top = heading.height();
-    let notes = notes(drawing, &view, &labels);
-    let below = top + view.height + 20;
-    let height = below + LINE * (notes.len() as i32 + 2);
+    let (mut sheet, top) = Sheet::new(&drawing.title, &drawing.conclusion);
+    let view = View::of(drawing, top);
+    let labelled = drawing.segments.iter().enumerate().filter(|(_, segment)| segment.label.is_some());
+    let labels: Vec<(usize, &Segment)> = labelled.collect();
+    let (arrows, shorter) = arrows(drawing, &view);
+    let notes = notes(drawing, &view, &labels, shorter);
+    let colours = Colours::of(drawing);
+    draw_springs(&mut sheet, drawing, &view, &colours);
+    for (_, segment) in &labels {
+        if let Some(ends) = view.ends(segment) {
+            let round = format_args!(r#"stroke-linecap="round""#);
+            sheet.element(
+                "path",
+                format_args!(r#"d="{}" stroke="{FAIL}" stroke-width="20" stroke-opacity="0.3" {round}"#, path(&ends)),
+            );
+            sheet.line(&ends, colours.of_segment(segment), 6.0);
+        }
+    }
+    draw_particles(&mut sheet, drawing, &view);
+    draw_arrows(&mut sheet, &arrows);
+    draw_badges(&mut sheet, drawing, &view, &labels, &arrows);
+    let below = view.bottom + 20.0;
+    colours.draw_scale(&mut sheet, drawing, below);
+    for (i, note) in notes.iter().enumerate() {
+        sheet.text(note, [16.0, below + LINE * (i as f64 + 2.0) + 5.0], "start", INK);
+    }
     let said = [&drawing.title, &drawing.conclusion].into_iter().chain(&notes).filter(|text| !text.is_empty());
     let alt = said.cloned().collect::<Vec<_>>().join("; ");
-    let markup = html! {
-        svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(alt)
-            viewBox=(format!("0 0 {WIDTH} {height}")) width=(WIDTH) height=(height)
-            font-family="sans-serif" font-size=(TEXT) fill=(css(palette::INK)) {
-            rect width=(WIDTH) height=(height) fill=(css(palette::PAPER)) {}
-            (heading.markup())
-            g transform=(format!("translate(0 {top})")) stroke-linecap="round" {
-                (halos(&labels, &view))
-                (springs(drawing, &view))
-                (highlighted(drawing, &labels, &view))
-                (particles(drawing, &view))
-                (arrows(drawing, &view))
-                (badges(drawing, &labels, &view))
-            }
-            (colour_scale(drawing, below))
-            @for (i, note) in notes.iter().enumerate() {
-                text x="16" y=(below + LINE * (i as i32 + 2) + 14) { (note) }
-            }
+    sheet.finish(&alt, below + LINE * (notes.len() as f64 + 2.0))
+}
+
+/// A parallel projection of a scene that stands upright, in the unit of the argument: right and up. Scenes in a plane z = const are seen from the
+/// front, others turned by 35° about the vertical axis and from 22° above.
+fn projection(drawing: &Drawing) -> impl Fn([f64; 3]) -> [f64; 2] {
+    let up = drawing.up;
+    let depths = drawing.points.iter().map(|&point| up.upright(point)[2]);
+    let flat = drawing.dimension < 3 || depths.clone().zip(depths.skip(1)).all(|(a, b)| a == b);
+    let [turn, raise] = [35f64, 22.0].map(f64::to_radians);
+    move |vector| {
+        let [x, y, z] = up.upright(vector);
+        let depth = x * turn.sin() + z * turn.cos();
+        match flat {
+            true => [x, y],
+            false => [x * turn.cos() - z * turn.sin(), y * raise.cos() - depth * raise.sin()],
         }
-    };
-    markup.into_string()
+    }
 }
 
-/// The largest size of a scalar: the end of the colour scale.
-fn extreme(drawing: &Drawing) -> f64 {
-    drawing.segments.iter().map(|segment| segment.scalar.abs()).filter(|size| size.is_finite()).fold(0.0, f64::max)
+/// A drawing's points on the sheet, scaled to fill it.
+struct View {
+    top: f64,
+    bottom: f64,
+    points: Vec<Option<Point>>,
 }
 
-/// The step of the colour scale for a segment. NaN counts as unstrained here: its place is the report's table.
-fn step(segment: &Segment, extreme: f64) -> usize {
-    let middle = palette::DIVERGING.len() / 2;
-    let share = if extreme > 0.0 { segment.scalar / extreme } else { 0.0 };
-    (middle as f64 * (1.0 + share)).round() as usize
+impl View {
+    /// Places every finite point below `top`.
+    fn of(drawing: &Drawing, top: f64) -> Self {
+        let projection = projection(drawing);
+        let finite = |p: Point| p.iter().all(|c| c.is_finite()).then_some(p);
+        let flat: Vec<Option<Point>> = drawing.points.iter().map(|&p| finite(projection(p))).collect();
+        // The centre and the half size along an axis.
+        let extent = |axis: usize| {
+            let values = || flat.iter().flatten().map(|p| p[axis]);
+            let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+            if low <= high { (0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low) } else { (0.0, 0.0) }
+        };
+        let ((cx, rx), (cy, ry)) = (extent(0), extent(1));
+        // Badges and arrows stand beside the points.
+        let border = if drawing.arrows.is_empty() { 70.0 } else { ARROW + 12.0 };
+        let scale = ((0.5 * WIDTH - border) / rx).min((320.0 - border) / ry);
+        let scale = if scale.is_finite() { scale } else { 1.0 };
+        let height = (2.0 * (ry * scale + border)).clamp(220.0, 640.0).round();
+        let place = |[x, y]: Point| [0.5 * WIDTH + (x - cx) * scale, top + 0.5 * height - (y - cy) * scale];
+        Self { top, bottom: top + height, points: flat.into_iter().map(|p| p.map(place).and_then(finite)).collect() }
+    }
+
+    /// A point's place, if it exists and is finite.
+    fn point(&self, index: usize) -> Option<Point> {
+        self.points.get(index).copied().flatten()
+    }
+
+    fn ends(&self, segment: &Segment) -> Option<[Point; 2]> {
+        let [i, j] = segment.ends;
+        Some([self.point(i)?, self.point(j)?])
+    }
 }
 
-/// The path of a segment.
-fn path([a, b]: [[f64; 2]; 2]) -> String {
-    format!("M{:.1} {:.1}L{:.1} {:.1}", a[0], a[1], b[0], b[1])
+/// The colour scale, up to the largest size of a scalar.
+struct Colours {
+    extreme: f64,
+}
+
+impl Colours {
+    fn of(drawing: &Drawing) -> Self {
+        let sizes = drawing.segments.iter().map(|segment| segment.scalar.abs());
+        Self { extreme: sizes.filter(|size| size.is_finite()).fold(0.0, f64::max) }
+    }
+
+    /// The step of the scale for a segment. NaN counts as unstrained here: its place is the report's table.
+    fn step(&self, segment: &Segment) -> usize {
+        let share = if self.extreme > 0.0 { segment.scalar / self.extreme } else { 0.0 };
+        let middle = DIVERGING.len() / 2;
+        (middle as f64 * (1.0 + if share.is_nan() { 0.0 } else { share.clamp(-1.0, 1.0) })).round() as usize
+    }
+
+    fn of_segment(&self, segment: &Segment) -> &'static str {
+        DIVERGING[self.step(segment)]
+    }
+
+    /// Nine swatches with the scalar at both ends and its name.
+    fn draw_scale(&self, sheet: &mut Sheet, drawing: &Drawing, top: f64) {
+        let middle = top + 12.0;
+        if self.extreme == 0.0 {
+            if !drawing.segments.is_empty() {
+                sheet.text(&format!("{} is 0 everywhere", drawing.scalar), [16.0, middle], "start", INK);
+            }
+            return;
+        }
+        let low = format!("{}: {}", drawing.scalar, number::pretty(-self.extreme));
+        sheet.text(&low, [16.0, middle], "start", INK);
+        let mut left = 16.0 + width(&low) + 12.0;
+        for colour in DIVERGING {
+            sheet.rectangle([left, top], [left + 28.0, top + 24.0], colour);
+            left += 28.0;
+        }
+        sheet.text(&number::pretty(self.extreme), [left + 12.0, middle], "start", INK);
+    }
 }
 
 /// One path per colour, the most strained last so that they lie on top.
-fn springs(drawing: &Drawing, view: &View) -> Markup {
-    let middle = palette::DIVERGING.len() / 2;
-    let extreme = extreme(drawing);
-    let mut paths = vec![String::new(); palette::DIVERGING.len()];
-    let every = drawing.segments.len().div_ceil(SPRINGS).max(1);
-    for segment in drawing.segments.iter().step_by(every) {
-        let Some(ends) = view.ends(segment) else { continue };
-        if let Some(of_colour) = paths.get_mut(step(segment, extreme)) {
-            of_colour.push_str(&path(ends));
+fn draw_springs(sheet: &mut Sheet, drawing: &Drawing, view: &View, colours: &Colours) {
+    let mut paths = DIVERGING.map(|colour| (colour, String::new()));
+    for segment in drawing.segments.iter().step_by(spacing(drawing)) {
+        if let Some(ends) = view.ends(segment) {
+            paths[colours.step(segment)].1 += &path(&ends);
         }
     }
-    let mut order: Vec<usize> = (0..paths.len()).collect();
-    order.sort_by_key(|&colour| colour.abs_diff(middle));
     let width = if drawing.segments.len() > 1500 { 1.5 } else { 4.0 };
-    html! {
-        @for colour in order.into_iter().filter(|&colour| !paths[colour].is_empty()) {
-            path d=(paths[colour]) stroke=(css(palette::DIVERGING[colour])) stroke-width=(width) fill="none" {}
-        }
+    let mut order: Vec<usize> = (0..paths.len()).collect();
+    order.sort_by_key(|&step| step.abs_diff(DIVERGING.len() / 2));
+    for (colour, path) in order.into_iter().map(|step| &paths[step]).filter(|(_, path)| !path.is_empty()) {
+        let round = format_args!(r#"fill="none" stroke-linecap="round""#);
+        sheet.element("path", format_args!(r#"d="{path}" stroke="{colour}" stroke-width="{width}" {round}"#));
     }
+}
+
+/// One in so many springs is drawn.
+fn spacing(drawing: &Drawing) -> usize {
+    drawing.segments.len().div_ceil(SPRINGS).max(1)
 }
 
 /// Dots for particles, where they are few enough, and squares for those that are held.
-fn particles(drawing: &Drawing, view: &View) -> Markup {
+fn draw_particles(sheet: &mut Sheet, drawing: &Drawing, view: &View) {
     let dotted = if drawing.points.len() > DOTS { 0 } else { drawing.points.len() };
-    let shown = |p: &usize| view.point(*p);
-    let (half, stroke) = if drawing.held.len() > CROWD { (4.0, 2) } else { (8.0, 4) };
-    html! {
-        @for [x, y] in (0..dotted).filter(|p| !drawing.held.contains(p)).collect::<Vec<_>>().iter().filter_map(shown) {
-            circle cx=(format!("{x:.1}")) cy=(format!("{y:.1}")) r="5" {}
+    for p in (0..dotted).filter(|p| !drawing.held.contains(p)) {
+        if let Some([x, y]) = view.point(p) {
+            sheet.element("circle", format_args!(r#"cx="{x:.1}" cy="{y:.1}" r="5" fill="{INK}""#));
         }
-        @for [x, y] in drawing.held.iter().take(DOTS).filter_map(shown) {
-            rect x=(format!("{:.1}", x - half)) y=(format!("{:.1}", y - half)) width=(2.0 * half) height=(2.0 * half)
-                fill=(css(palette::PAPER)) stroke=(css(palette::INK)) stroke-width=(stroke) {}
-        }
+    }
+    let (half, stroke) = if drawing.held.len() > 40 { (4.0, 2) } else { (8.0, 4) };
+    for [x, y] in drawing.held.iter().take(DOTS).filter_map(|&p| view.point(p)) {
+        let (left, top, side) = (x - half, y - half, 2.0 * half);
+        let square = format_args!(r#"x="{left:.1}" y="{top:.1}" width="{side}" height="{side}""#);
+        sheet.element("rect", format_args!(r#"{square} fill="{PAPER}" stroke="{INK}" stroke-width="{stroke}""#));
     }
 }
 
-/// The arrows that are drawn, from their feet to their tips, and how many are left out as shorter than these. All are to one scale;
-/// those too short to see are no arrows.
-fn drawn_arrows(drawing: &Drawing, view: &View) -> (Vec<[[f64; 2]; 2]>, usize) {
-    let projection = Projection::of(drawing);
-    let projected = |arrow: &Arrow| projection.apply(arrow.vector);
-    let size = |[x, y]: [f64; 2]| x.hypot(y);
-    let sizes = drawing.arrows.iter().map(|arrow| size(projected(arrow)));
-    let longest = sizes.filter(|size| size.is_finite()).fold(0.0, f64::max);
-    let mut arrows: Vec<(f64, [[f64; 2]; 2])> = Vec::new();
-    for arrow in &drawing.arrows {
-        let (Some([x, y]), vector) = (view.point(arrow.point), projected(arrow)) else { continue };
-        let share = size(vector) / longest;
-        if (0.03..=1.0).contains(&share) {
-            let scale = ARROW * f64::from(WIDTH) / longest;
-            arrows.push((share, [[x, y], [x + scale * vector[0], y - scale * vector[1]]]));
-        }
-    }
-    arrows.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let left_out = arrows.len().saturating_sub(ARROWS);
-    (arrows.into_iter().take(ARROWS).map(|(_, ends)| ends).collect(), left_out)
+/// The longest arrows, from their feet to their tips, all to one scale, and how many are left out as shorter than these. Those too short to
+/// see are no arrows.
+fn arrows(drawing: &Drawing, view: &View) -> (Vec<[Point; 2]>, usize) {
+    let projection = projection(drawing);
+    let length = |arrow: &Arrow| projection(arrow.vector).into_iter().fold(0.0, f64::hypot);
+    let longest = drawing.arrows.iter().map(length).filter(|length| length.is_finite()).fold(0.0, f64::max);
+    let seen = |arrow: &&Arrow| (0.03..=1.0).contains(&(length(arrow) / longest)) && view.point(arrow.point).is_some();
+    let mut arrows: Vec<&Arrow> = drawing.arrows.iter().filter(seen).collect();
+    arrows.sort_by(|a, b| length(b).total_cmp(&length(a)));
+    let ends = |arrow: &&Arrow| {
+        let ([x, y], [right, up]) = (view.point(arrow.point)?, projection(arrow.vector));
+        Some([[x, y], [x + ARROW * (right / longest), y - ARROW * (up / longest)]])
+    };
+    (arrows.iter().take(ARROWS).filter_map(ends).collect(), arrows.len().saturating_sub(ARROWS))
 }
 
-fn arrows(drawing: &Drawing, view: &View) -> Markup {
-    let mut path = String::new();
-    for [foot, tip] in drawn_arrows(drawing, view).0 {
+fn draw_arrows(sheet: &mut Sheet, arrows: &[[Point; 2]]) {
+    for &[foot, tip] in arrows {
         let along = [tip[0] - foot[0], tip[1] - foot[1]];
         let length = along[0].hypot(along[1]);
         let ([c, s], head) = (along.map(|part| part / length), 10.0_f64.min(0.5 * length));
-        let _ = write!(path, "M{:.1} {:.1}L{:.1} {:.1}", foot[0], foot[1], tip[0], tip[1]);
-        for side in [-0.5, 0.5] {
-            let (bx, by) = (tip[0] - head * (c - side * s), tip[1] - head * (s + side * c));
-            let _ = write!(path, "M{:.1} {:.1}L{bx:.1} {by:.1}", tip[0], tip[1]);
-        }
-    }
-    html! { @if !path.is_empty() { path d=(path) stroke=(css(palette::INK)) stroke-width="2.5" fill="none" {} } }
-}
-
-/// Light halos under the highlighted springs, so that the strain stays to be seen.
-fn halos(labels: &[(usize, &Segment)], view: &View) -> Markup {
-    let ends = labels.iter().filter_map(|(_, segment)| view.ends(segment));
-    let all: String = ends.map(path).collect();
-    html! { @if !all.is_empty() { path d=(all) stroke=(css(palette::FAIL)) stroke-width="20" stroke-opacity="0.3" fill="none" {} } }
-}
-
-/// The highlighted springs once more, above the others, in the colours of their scalars.
-fn highlighted(drawing: &Drawing, labels: &[(usize, &Segment)], view: &View) -> Markup {
-    let extreme = extreme(drawing);
-    let colour = |segment: &Segment| palette::DIVERGING.get(step(segment, extreme)).copied().unwrap_or(palette::MUTED);
-    html! {
-        @for (segment, ends) in labels.iter().filter_map(|(_, segment)| Some((segment, view.ends(segment)?))) {
-            path d=(path(ends)) stroke=(css(colour(segment))) stroke-width="6" fill="none" {}
-        }
+        let barb = |side: f64| [tip[0] - head * (c - side * s), tip[1] - head * (s + side * c)];
+        sheet.line(&[foot, tip, barb(0.5), tip, barb(-0.5)], INK, 2.5);
     }
 }
 
 /// The numbers of the highlighted springs beside them.
-fn badges(drawing: &Drawing, labels: &[(usize, &Segment)], view: &View) -> Markup {
+fn draw_badges(sheet: &mut Sheet, drawing: &Drawing, view: &View, labels: &[(usize, &Segment)], arrows: &[[Point; 2]]) {
     let springs = drawing.segments.iter().filter_map(|segment| view.ends(segment));
-    let mut taken = LabelPlacement::by(springs.chain(drawn_arrows(drawing, view).0).collect());
-    html! {
-        @for &(number, segment) in labels {
-            @if let Some([a, b]) = view.ends(segment) {
-                @let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
-                @let half = 0.5 * f64::from(width(&number.to_string())) + 9.0;
-                @let [x, y] = taken.place(middle, half, f64::from(view.height));
-                path d=(path([middle, [x, y]])) stroke=(css(palette::FAIL)) stroke-width="2.5" fill="none" {}
-                rect x=(format!("{:.1}", x - half)) y=(format!("{:.1}", y - BADGE)) width=(format!("{:.1}", 2.0 * half)) height=(2.0 * BADGE)
-                    rx=(BADGE) fill=(css(palette::FAIL)) {}
-                text x=(format!("{x:.1}")) y=(format!("{:.1}", y + 9.0)) text-anchor="middle" font-weight="bold" fill=(css(palette::PAPER)) { (number) }
-            }
-        }
+    let mut placement = LabelPlacement::new(springs.chain(arrows.iter().copied()).collect());
+    for &(number, segment) in labels {
+        let Some([a, b]) = view.ends(segment) else { continue };
+        let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+        let text = number.to_string();
+        let half = 0.5 * width(&text) + 9.0;
+        let [x, y] = placement.place(middle, half, [view.top, view.bottom]);
+        sheet.line(&[middle, [x, y]], FAIL, 2.5);
+        let (left, top, wide, high) = (x - half, y - BADGE, 2.0 * half, 2.0 * BADGE);
+        let place = format_args!(r#"x="{left:.1}" y="{top:.1}" width="{wide:.1}" height="{high}" rx="{BADGE}""#);
+        sheet.element("rect", format_args!(r#"{place} fill="{FAIL}""#));
+        let bold = format_args!(r#"text-anchor="middle" font-weight="bold" fill="{PAPER}""#);
+        sheet.styled_text(&text, [x, y], bold);
     }
 }
 
-/// Nine swatches with the scalar at both ends and its name.
-fn colour_scale(drawing: &Drawing, y: i32) -> Markup {
-    let extreme = extreme(drawing);
-    if extreme == 0.0 {
-        return html! { @if !drawing.segments.is_empty() { text x="16" y=(y + 20) { (drawing.scalar) " is 0 everywhere" } } };
+/// Places for badges that cover as little as can be.
+struct LabelPlacement {
+    /// Springs, arrows, and the leaders from springs to their badges.
+    lines: Vec<[Point; 2]>,
+    /// The middle and the half width of every badge.
+    badges: Vec<[f64; 3]>,
+}
+
+impl LabelPlacement {
+    fn new(lines: Vec<[Point; 2]>) -> Self {
+        Self { lines, badges: Vec::new() }
     }
-    let [low, high] = [format!("{}: {}", drawing.scalar, number::pretty(-extreme)), number::pretty(extreme)];
-    let left = 16 + width(&low) + 12;
-    html! {
-        text x="16" y=(y + 20) { (low) }
-        @for (i, &colour) in palette::DIVERGING.iter().enumerate() {
-            rect x=(left + 28 * i as i32) y=(y) width="28" height="24" fill=(css(colour)) {}
+
+    /// A place for a badge near a spring's middle, between the upper and the lower end, clear of the other badges, and over as few lines as
+    /// possible; of equally good places the nearest.
+    fn place(&mut self, middle: Point, half: f64, [top, bottom]: [f64; 2]) -> Point {
+        let around = [2.4, 3.4, 4.6, 6.0, 8.0, 11.0, 14.0].into_iter().flat_map(|radius| {
+            (0..16).map(move |i| {
+                let (sine, cosine) = (std::f64::consts::FRAC_PI_8 * f64::from(i) - 1.2).sin_cos();
+                [middle[0] + (radius * BADGE + half - BADGE) * cosine, middle[1] + radius * BADGE * sine]
+            })
+        });
+        let inside = |[x, y]: &Point| (half..WIDTH - half).contains(x) && (top + BADGE..bottom - BADGE).contains(y);
+        let cost = |place: &Point| {
+            let covered = self.badges.iter().filter(|[x, y, other]| {
+                (x - place[0]).abs() <= half + other + GAP && (y - place[1]).abs() <= 2.0 * BADGE + GAP
+            });
+            let crossed = |line: &&[Point; 2]| meets(line, *place, [half + GAP, BADGE + GAP]);
+            // A badge over a badge hides a number: worse than any number of lines.
+            covered.count() * (self.lines.len() + 1) + self.lines.iter().filter(crossed).count()
+        };
+        let place = around.filter(inside).min_by_key(cost).unwrap_or(middle);
+        self.badges.push([place[0], place[1], half]);
+        self.lines.push([middle, place]);
+        place
+    }
+}
+
+/// True where a line passes through a rectangle around a point: the part of it between the rectangle's sides along one axis and the part between
+/// those along the other overlap.
+fn meets([a, b]: &[Point; 2], centre: Point, half: Point) -> bool {
+    let (mut from, mut to) = (0.0_f64, 1.0_f64);
+    for axis in [0, 1] {
+        let (start, along) = (a[axis] - centre[axis], b[axis] - a[axis]);
+        if along == 0.0 && start.abs() > half[axis] {
+            return false;
         }
-        text x=(left + 28 * palette::DIVERGING.len() as i32 + 12) y=(y + 20) { (high) }
+        if along != 0.0 {
+            let (enter, leave) = ((-half[axis] - start) / along, (half[axis] - start) / along);
+            (from, to) = (from.max(enter.min(leave)), to.min(enter.max(leave)));
+        }
     }
+    from <= to
 }
 
 /// Why springs are highlighted, and what is not shown.
-fn notes(drawing: &Drawing, view: &View, labels: &[(usize, &Segment)]) -> Vec<String> {
-    let mut notes = Vec::new();
-    for (_, segment) in labels {
-        notes.extend(wrap(&typeset(segment.label.as_deref().unwrap_or_default()), WIDTH - 32));
+fn notes(drawing: &Drawing, view: &View, labels: &[(usize, &Segment)], shorter: usize) -> Vec<String> {
+    let reasons = labels.iter().filter_map(|(_, segment)| segment.label.as_deref());
+    let mut notes: Vec<String> = reasons.flat_map(|reason| wrap(&typeset(reason), WIDTH - 32.0)).collect();
+    if spacing(drawing) > 1 {
+        notes.push(format!("one in {} of {} springs drawn", spacing(drawing), drawing.segments.len()));
     }
-    let every = drawing.segments.len().div_ceil(SPRINGS).max(1);
-    if every > 1 {
-        notes.push(format!("one in {every} of {} springs drawn", drawing.segments.len()));
-    }
-    let shorter = drawn_arrows(drawing, view).1;
     if shorter > 0 {
         notes.push(format!("the {ARROWS} longest of {} arrows drawn", ARROWS + shorter));
     }
@@ -222,4 +305,36 @@ fn notes(drawing: &Drawing, view: &View, labels: &[(usize, &Segment)]) -> Vec<St
         notes.push(format!("{lost} springs have an end that is not finite and are not drawn"));
     }
     notes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_through_a_rectangle_are_seen() {
+        let meets = |a, b| meets(&[a, b], [10.0, 10.0], [3.0, 2.0]);
+        assert!(meets([0.0, 10.0], [20.0, 10.0]), "across");
+        assert!(meets([10.0, 10.0], [10.5, 10.5]), "within");
+        assert!(meets([6.0, 9.0], [9.0, 13.0]), "through a corner");
+        assert!(!meets([0.0, 10.0], [6.0, 10.0]), "ends before it");
+        assert!(!meets([0.0, 12.5], [20.0, 12.5]), "passes below");
+        assert!(!meets([5.0, 10.0], [10.0, 20.0]), "passes a corner");
+    }
+
+    /// A spring in a row of them has its number where none of them is.
+    #[test]
+    fn badges_stand_beside_lines_and_each_other() {
+        let end = |i: i32| [60.0 + 70.0 * f64::from(i), 200.0];
+        let springs: Vec<[Point; 2]> = (0..9).map(|i| [end(i), end(i + 1)]).collect();
+        let mut placement = LabelPlacement::new(springs.clone());
+        for i in 0..9 {
+            let place = placement.place([95.0 + 70.0 * f64::from(i), 200.0], 20.0, [0.0, 400.0]);
+            assert!(!springs.iter().any(|line| meets(line, place, [20.0, BADGE])), "{place:?} covers a spring");
+        }
+        for (k, [x, y, half]) in placement.badges.iter().enumerate() {
+            let apart = |other: &[f64; 3]| (other[0] - x).abs() > half + other[2] || (other[1] - y).abs() > 2.0 * BADGE;
+            assert!(placement.badges[..k].iter().all(apart), "badge {k} covers another");
+        }
+    }
 }

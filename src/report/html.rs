@@ -1,68 +1,57 @@
-//! `report.html`: the results for people.
+//! `report.html`: the results of a verification for people.
 
-use super::check_html::{Scenes, anchor, group, mark};
-use super::number::{self, count};
-use super::{bound_usage, faults, page};
-use crate::verify::{Check, Claim, Results, worst};
+use super::check_html::{Numbered, anchor, claim_section, failed, scenes, worst_share};
+use super::number::{count, typeset};
+use super::page::{self, Column, Row};
+use super::{bound_usage, number};
+use crate::verify::{Claim, Results};
 use maud::{Markup, PreEscaped, html};
-
-/// A claim's checks, each with its place in the results.
-type Numbered<'a> = Vec<(usize, &'a Check)>;
+use serde::Deserialize;
 
 /// The results as one HTML page without scripts and without anything to load.
 pub fn html(results: &Results) -> String {
-    let claims = by_claim(results);
-    let scenes = Scenes::of(&results.checks);
+    let mut claims: Vec<(Claim, Numbered<'_>)> = Vec::new();
+    for claim in Claim::ALL {
+        let checks: Numbered<'_> =
+            results.checks.iter().enumerate().filter(|(_, check)| check.claim == claim).collect();
+        if !checks.is_empty() {
+            claims.push((claim, checks));
+        }
+    }
+    // The worst first: failed ones, then those nearest their bounds.
+    claims.sort_by(|(_, a), (_, b)| failed(b).cmp(&failed(a)).then(worst_share(b).total_cmp(&worst_share(a))));
+    let scenes = scenes(&results.checks);
     let body = html! {
         (banner(results))
         @if !claims.is_empty() { (filter(&claims, &scenes)) }
         (contents(&claims))
         (not_judged(results))
         (reading(results))
-        @for (claim, checks) in &claims {
-            (claim_section(*claim, checks, &scenes))
-        }
-        (faults::section())
+        @for (claim, checks) in &claims { (claim_section(*claim, checks, &scenes)) }
+        (faults())
     };
-    let lead = format!(
-        "{} on {}, for {}.",
-        count(results.checks.len(), "check"),
-        count(scenes.names().len(), "scene"),
-        count(claims.len(), "claim")
-    );
+    let [checks, scenes] = [count(results.checks.len(), "check"), count(scenes.len(), "scene")];
+    let lead = format!("{checks} on {scenes}, for {}.", count(claims.len(), "claim"));
     page::page("Verification report", &lead, &body)
 }
 
-fn by_claim(results: &Results) -> Vec<(Claim, Numbered<'_>)> {
-    let numbered = |claim| results.checks.iter().enumerate().filter(move |(_, check)| check.claim == claim);
-    let claims = Claim::ALL.iter().map(|&claim| (claim, numbered(claim).collect::<Vec<_>>()));
-    let mut claims: Vec<_> = claims.filter(|(_, checks)| !checks.is_empty()).collect();
-    // The worst first: failed ones, then those nearest their bounds; stable, so that claims alike keep their order.
-    let share = |checks: &Numbered<'_>| worst(checks.iter().map(|(_, check)| check.share()));
-    claims.sort_by(|(_, a), (_, b)| failed(b).cmp(&failed(a)).then(share(b).total_cmp(&share(a))));
-    claims
-}
-
 /// Choices of what is shown. Style rules do it: the page has no scripts.
-fn filter(claims: &[(Claim, Numbered<'_>)], scenes: &Scenes) -> Markup {
+fn filter(claims: &[(Claim, Numbered<'_>)], scenes: &[String]) -> Markup {
     let mut rules = String::new();
-    let [failed, passed] = ["tr[id].failed-row", "tr[id]:not(.failed-row)"];
-    for (verdict, shown, hidden) in [("failed", failed, passed), ("passed", passed, failed)] {
-        let chosen = format!("body:has(#verdict option[value={verdict}]:checked)");
+    let mut rule = |field: &str, value: &str, row: &str, shown: &str| {
+        let chosen = format!("body:has(#{field} option[value=\"{value}\"]:checked)");
         rules += &format!(
-            "{chosen} {hidden},{chosen} .group:not(:has({shown})),{chosen} tbody:has(tr[id]):not(:has({shown})){{display:none}}"
+            "{chosen} tr[id]:not({shown}),{chosen} .group:not(:has({row}{shown})),{chosen} tbody:has(tr[id]):not(:has({row}{shown})){{display:none}}"
         );
+    };
+    rule("verdict", "failed", "tr[id]", ".failed-row");
+    rule("verdict", "passed", "tr[id]", ":not(.failed-row)");
+    for number in 0..scenes.len() {
+        rule("scene", &number.to_string(), "", &format!("[data-s=\"{number}\"]"));
     }
     for (claim, _) in claims {
         let id = claim.id();
         rules += &format!("body:has(#family option[value={id}]:checked) section.claim:not(#{id}){{display:none}}");
-    }
-    for number in 0..scenes.names().len() {
-        let chosen = format!("body:has(#scene option[value=\"{number}\"]:checked)");
-        let of_it = format!("[data-s=\"{number}\"]");
-        rules += &format!(
-            "{chosen} tr[data-s]:not({of_it}),{chosen} .group:not(:has({of_it})),{chosen} tbody:has([data-s]):not(:has({of_it})){{display:none}}"
-        );
     }
     let choice = |id: &str, name: &str, options: Vec<(String, &str)>| {
         html! {
@@ -74,18 +63,16 @@ fn filter(claims: &[(Claim, Numbered<'_>)], scenes: &Scenes) -> Markup {
             }
         }
     };
+    let families = claims.iter().map(|(claim, _)| (claim.id().to_owned(), claim.title())).collect();
+    let scenes = scenes.iter().enumerate().map(|(i, name)| (i.to_string(), name.as_str())).collect();
     html! {
         style { (PreEscaped(rules)) }
         form.filter aria-label="What is shown" {
             (choice("verdict", "Verdict", vec![("failed".into(), "failed"), ("passed".into(), "passed")]))
-            (choice("family", "Family", claims.iter().map(|(claim, _)| (claim.id().to_owned(), claim.title())).collect()))
-            (choice("scene", "Scene", scenes.names().iter().enumerate().map(|(i, name)| (i.to_string(), name.as_str())).collect()))
+            (choice("family", "Family", families))
+            (choice("scene", "Scene", scenes))
         }
     }
-}
-
-fn failed(checks: &[(usize, &Check)]) -> usize {
-    checks.iter().filter(|(_, check)| !check.passed()).count()
 }
 
 fn banner(results: &Results) -> Markup {
@@ -115,52 +102,46 @@ fn banner(results: &Results) -> Markup {
 
 /// The claims as a table that is the table of contents too.
 fn contents(claims: &[(Claim, Numbered<'_>)]) -> Markup {
+    let columns = [
+        ("claim", Column::Text),
+        ("checks", Column::Number),
+        ("worst value / bound", Column::Number),
+        ("verdict", Column::Text),
+    ];
+    let row = |(claim, checks): &(Claim, Numbered<'_>)| {
+        let failed = failed(checks);
+        let verdict = html! {
+            @if failed == 0 { span.verdict.passed { "✓" span.word { " holds" } } }
+            @else { span.verdict.failed { "✗ " (failed) span.word { " failed" } } }
+        };
+        let cells = vec![
+            html! { a href=(format!("#{}", claim.id())) { (claim.title()) } },
+            html! { (checks.len()) },
+            html! { (number::share(number::pretty, worst_share(checks))) },
+            verdict,
+        ];
+        if failed == 0 { Row::Cells(cells) } else { Row::Failed(cells) }
+    };
     html! {
         nav aria-label="Contents" {
             h2 { "What was verified" }
-            table.full {
-                thead { tr {
-                    th scope="col" { "claim" }
-                    th.number scope="col" { "checks" }
-                    th.number scope="col" { "worst value / bound" }
-                    th scope="col" { "verdict" }
-                } }
-                tbody {
-                    @for (claim, checks) in claims {
-                        @let failed = failed(checks);
-                        tr class=[(failed > 0).then_some("failed-row")] {
-                            td { a href=(format!("#{}", claim.id())) { (claim.title()) } }
-                            td.number { (checks.len()) }
-                            td.number { (number::share(number::pretty, worst(checks.iter().map(|(_, check)| check.share())))) }
-                            td.verdict {
-                                @if failed == 0 { span.passed { "✓" span.word { " holds" } } }
-                                @else { span.failed { "✗ " (failed) span.word { " failed" } } }
-                            }
-                        }
-                    }
-                }
-            }
+            (page::table("Claims", "full", &columns, claims.iter().map(row)))
         }
     }
 }
 
-/// What the numbers of a scene do not allow to be judged.
+/// Checks that the numbers of a scene do not allow to be judged.
 fn not_judged(results: &Results) -> Markup {
+    let columns = [("check", Column::Text), ("scene", Column::Text), ("reason", Column::Text)];
+    let rows = results.not_judged.iter().map(|check| {
+        Row::Cells(vec![html! { (check.name) }, html! { (check.scene) }, html! { (typeset(&check.why)) }])
+    });
     let body = html! {
         p { "On these scenes these checks say nothing, neither that something is right nor that it is wrong; the reason is a number of the scene." }
-        table.full {
-            thead { tr { th scope="col" { "check" } th scope="col" { "scene" } th scope="col" { "reason" } } }
-            tbody {
-                @for check in &results.not_judged {
-                    tr { td { (check.name) } td { (check.scene) } td { (number::typeset(&check.why)) } }
-                }
-            }
-        }
+        (page::table("What was not judged", "full", &columns, rows))
     };
     html! {
-        @if !results.not_judged.is_empty() {
-            (page::section("not-judged", &html! { "What was not judged" }, &body))
-        }
+        @if !results.not_judged.is_empty() { (page::section("not-judged", &html! { "What was not judged" }, &body)) }
     }
 }
 
@@ -169,29 +150,34 @@ fn reading(results: &Results) -> Markup {
         "Every ring is a check that passed or several at one place, every cross one that failed. Left of the line the error is smaller than its \
          bound; far left means that it is much smaller, or exactly zero."
     };
+    let terms = [
+        ("value", "the error that was measured in this run; never assumed, never typed in"),
+        (
+            "bound",
+            "the largest error that the arithmetic of the computer, or the known inaccuracy of a method, can explain. \
+             It comes from an analysis, stated beside it as its reason, and not from what the program happens to give",
+        ),
+        (
+            "value / bound",
+            "up to 1 the check passes. The bar shows it on a logarithmic scale from 10⁻⁶ to 100; the line on it is the bound",
+        ),
+        (
+            "1",
+            "exactly at the bound: checks of counts and of yes or no, whose value is right when it is the bound; \
+             next to it as many digits are written as it takes to see on which side of the bound a number lies, or how far from it: 1 − 2 × 10⁻⁹ lies below",
+        ),
+        (
+            "10⁻¹⁶",
+            "is about the rounding error of one operation: the computer keeps 16 digits. Errors of this size are as small as they can be",
+        ),
+    ];
     let body = html! {
         p {
             "This program moves particles that are joined by springs. At every step it builds a large matrix and solves \
              a linear system with it. Here it is held against mathematics: each check measures one error and compares it \
              with the largest error that is allowed."
         }
-        dl.reading {
-            dt { "value" } dd { "the error that was measured in this run; never assumed, never typed in" }
-            dt { "bound" } dd {
-                "the largest error that the arithmetic of the computer, or the known inaccuracy of a method, can explain. \
-                 It comes from an analysis, stated beside it as its reason, and not from what the program happens to give"
-            }
-            dt { "value / bound" } dd {
-                "up to 1 the check passes. The bar shows it on a logarithmic scale from 10⁻⁶ to 100; the line on it is the bound"
-            }
-            dt { "1" } dd {
-                "exactly at the bound: checks of counts and of yes or no, whose value is right when it is the bound; \
-                 next to it as many digits are written as it takes to see on which side of the bound a number lies, or how far from it: 1 − 2 × 10⁻⁹ lies below"
-            }
-            dt { "10⁻¹⁶" } dd {
-                "is about the rounding error of one operation: the computer keeps 16 digits. Errors of this size are as small as they can be"
-            }
-        }
+        dl.reading { @for (term, meaning) in terms { dt { (term) } dd { (meaning) } } }
         @if !results.checks.is_empty() {
             div.single { (page::figure(bound_usage::svg(results), &caption)) }
         }
@@ -199,32 +185,45 @@ fn reading(results: &Results) -> Markup {
     page::section("reading", &html! { "How to read this" }, &body)
 }
 
-/// About so many checks of a claim are shown with figures.
-const FIGURES: usize = 12;
+/// A planted fault, and the tests that fail with it.
+#[derive(Deserialize)]
+struct Fault {
+    fault: String,
+    function: String,
+    tests: usize,
+    families: usize,
+    by: Vec<(String, usize)>,
+}
 
-fn claim_section(claim: Claim, checks: &[(usize, &Check)], scenes: &Scenes) -> Markup {
-    let mut sorted = checks.to_vec();
-    sorted.sort_by(|(_, a), (_, b)| a.passed().cmp(&b.passed()).then(b.share().total_cmp(&a.share())));
-    let mut names: Vec<&str> = Vec::new();
-    for (_, check) in &sorted {
-        if !names.contains(&check.name.as_str()) {
-            names.push(&check.name);
-        }
-    }
-    // A claim with many checks shows fewer figures of each.
-    let narrowest = (FIGURES / names.len().max(1)).clamp(1, 2);
-    let failed = failed(checks);
-    let heading = html! { (mark(failed == 0)) " " (claim.title()) };
-    let body = html! {
-        p.formula { (page::formula(claim.formula())) }
-        p { (claim.explanation()) }
-        p.quiet {
-            (count(checks.len(), "check"))
-            @if failed == 0 { ", all passed." } @else { ", " (failed) " failed." }
-        }
-        @for name in names {
-            (group(name, &checks.iter().copied().filter(|(_, check)| check.name == name).collect::<Vec<_>>(), narrowest, scenes))
-        }
+/// The planted faults that the suite catches. `faults.json` is written by the program that plants them.
+fn faults() -> Markup {
+    let faults: Vec<Fault> = serde_json::from_str(include_str!("faults.json")).unwrap_or_default();
+    let survived = faults.iter().filter(|fault| fault.tests == 0).count();
+    let columns = [
+        ("fault", Column::Text),
+        ("in", Column::Named),
+        ("tests that fail", Column::Number),
+        ("among them", Column::Named),
+    ];
+    let row = |fault: &Fault| {
+        let families: Vec<&str> = fault.by.iter().take(3).map(|(family, _)| family.as_str()).collect();
+        let more = fault.families.saturating_sub(families.len());
+        Row::Cells(vec![
+            html! { (fault.fault) },
+            html! { code { (fault.function) } },
+            html! { (fault.tests) },
+            html! { span.names { (families.join(", ")) @if more > 0 { " and " (more) " more" } } },
+        ])
     };
-    html! { section.claim id=(claim.id()) { h2 { (heading) } (body) } }
+    let table = page::table("Planted faults", "full cards faults", &columns, faults.iter().map(row));
+    let body = html! {
+        p {
+            "A suite is worth what it catches. Faults that are typical of such programs were put into copies of this one, one \
+             at a time, and the whole suite, known answers included, was run on each. "
+            @if survived == 0 { (count(faults.len(), "fault")) ", all caught." }
+            @else { (survived) " of " (count(faults.len(), "fault")) " survived." }
+        }
+        (page::folded("The faults, and which checks caught them", &table))
+    };
+    page::section("faults", &html! { "What these checks catch" }, &body)
 }

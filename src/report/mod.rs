@@ -1,48 +1,34 @@
-//! Turns results into something to read: HTML with plots and drawings, JSON, JUnit, a table for the terminal.
+//! Results as HTML with plots and drawings, as JSON, as JUnit, and as text for the terminal.
 //!
-//! Nothing here computes. All output is a function of the data alone: no clock, no host, no random identifiers, so the
-//! same results give the same bytes.
+//! All output is a function of the data alone, without clock, host or random identifiers: the same results give the same bytes.
 
 mod axis;
 mod bound_usage;
-mod canvas;
 mod chart_html;
 mod check_html;
 pub mod drawing;
-mod failure_lanes;
-mod faults;
-mod heading;
+mod formats;
 mod html;
 pub mod inspection;
-mod json;
-mod junit;
-mod label_placement;
 pub mod number;
 pub mod page;
-mod palette;
 pub mod plot;
-mod projection;
+mod sheet;
 pub mod spy;
 pub mod statics;
-mod text;
 pub mod tiles;
 pub mod view;
 
 pub use chart_html::chart_html;
+pub use formats::{failure, json, junit, text};
 pub use html::html;
-pub use json::json;
-pub use junit::junit;
-pub use text::{failure, text};
 
 use crate::error::{Error, Result};
 use crate::verify::Results;
 use std::io::{self, Write};
 use std::path::Path;
-use tempfile::NamedTempFile;
 
-/// Writes `report.html`, `report.json` and `junit.xml` into a folder, which is created.
-///
-/// All three are complete before the first takes its name, so an existing report is replaced only by a whole one.
+/// Writes `report.html`, `report.json` and `junit.xml` into a folder, which is created. A file is replaced only by a whole one.
 ///
 /// # Errors
 /// [`Error::Io`] with the file or folder that cannot be written.
@@ -50,21 +36,15 @@ pub fn write(folder: impl AsRef<Path>, results: &Results) -> Result<()> {
     let folder = folder.as_ref();
     std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
     let contents = [("report.html", Ok(html(results))), ("report.json", json(results)), ("junit.xml", junit(results))];
-    let mut complete = Vec::new();
     for (name, content) in contents {
         let path = folder.join(name);
-        let file =
-            content.and_then(|content| temporary(folder, &content)).map_err(|source| Error::io(&path, source))?;
-        complete.push((path, file));
-    }
-    for (path, file) in complete {
-        file.persist(&path).map_err(|failed| Error::io(&path, failed.error))?;
+        content.and_then(|content| replace(&path, folder, &content)).map_err(|source| Error::io(&path, source))?;
     }
     Ok(())
 }
 
-/// A file without a name yet, in the folder where it will get one.
-fn temporary(folder: &Path, content: &str) -> io::Result<NamedTempFile> {
+/// Writes a file under another name first.
+fn replace(path: &Path, folder: &Path, content: &str) -> io::Result<()> {
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     {
@@ -74,5 +54,5 @@ fn temporary(folder: &Path, content: &str) -> io::Result<NamedTempFile> {
     }
     let mut file = builder.prefix(".report-").tempfile_in(folder)?;
     file.write_all(content.as_bytes())?;
-    Ok(file)
+    file.persist(path).map(drop).map_err(|failed| failed.error)
 }

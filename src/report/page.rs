@@ -1,4 +1,4 @@
-//! The skeleton of every page: head, style, sections, figures. Pages are single files that load nothing.
+//! The parts of every page: head, style, sections, figures, tables. Pages are single files that load nothing.
 
 use super::number::typeset;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -48,6 +48,56 @@ pub fn formula(text: &str) -> Markup {
     let first = pieces.next().unwrap_or_default();
     let lowered = pieces.map(|piece| piece.split_at(piece.find(|c: char| !c.is_alphanumeric()).unwrap_or(piece.len())));
     html! { (first) @for (low, rest) in lowered { sub { (low) } (rest) } }
+}
+
+/// The setting of a column of a table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Column {
+    /// Text that needs no heading.
+    Text,
+    /// Text that has its heading beside it where the table becomes a list.
+    Named,
+    /// Numbers, which have so too.
+    Number,
+}
+
+/// A row of a table.
+#[derive(Debug)]
+pub enum Row {
+    /// Its cells.
+    Cells(Vec<Markup>),
+    /// Cells of what failed.
+    Failed(Vec<Markup>),
+    /// A heading over the rows that follow.
+    Heading(String),
+}
+
+/// A table with its headings, in which an underscore makes a subscript. It scrolls sideways where the page is too narrow for it; `name` says what
+/// it holds.
+pub fn table(name: &str, class: &str, columns: &[(&str, Column)], rows: impl IntoIterator<Item = Row>) -> Markup {
+    let number = |kind: Column| (kind == Column::Number).then_some("number");
+    let cells = |cells: Vec<Markup>| {
+        html! {
+            @for (&(title, kind), cell) in columns.iter().zip(cells) {
+                td class=[number(kind)] data-of=[(kind != Column::Text).then(|| title.replace('_', ""))] { (cell) }
+            }
+        }
+    };
+    let table = html! {
+        table class=(class) {
+            thead { tr { @for &(title, kind) in columns { th.number[kind == Column::Number] scope="col" { (formula(title)) } } } }
+            tbody {
+                @for row in rows {
+                    @match row {
+                        Row::Cells(row) => tr { (cells(row)) },
+                        Row::Failed(row) => tr.failed-row { (cells(row)) },
+                        Row::Heading(text) => tr.why { td colspan=(columns.len()) { (typeset(&text)) } },
+                    }
+                }
+            }
+        }
+    };
+    scrolling(name, &table)
 }
 
 /// A table that scrolls sideways where the page is too narrow for it; `name` says what it holds.

@@ -1,45 +1,43 @@
-//! Plots as SVG: here what stands where, in `draw` how it looks.
+//! Plots as SVG.
 
-mod draw;
-
-use super::axis::Ruler;
-use super::canvas::{self, LINE, Point, WIDTH};
-use super::failure_lanes::{Rails, is_railed};
-use super::heading::Heading;
+use super::axis::{Field, ScaledAxis};
 use super::number;
-use crate::figure::{Guide, Mark, Plot, Scale, Series};
+use super::sheet::{
+    CROSS, Colour, FAIL, FAIL_GROUND, INK, LINE, MUTED, PAPER, Point, SERIES, SHAPES, Sample, Sheet, clip, width,
+};
+use crate::figure::{Guide, Look, Mark, Plot, Scale, Series};
 
-/// Height of the plotting area in pixels.
-const HEIGHT: i32 = 500;
-/// Room below it, for tick labels and the title of the axis.
-const BELOW: i32 = 96;
+/// Height of a field in pixels.
+const HEIGHT: f64 = 500.0;
+/// Free space at both ends of an axis, as a part of its length.
+const MARGIN: f64 = 0.035;
+/// Width of a failure lane: half of it for the name of the cause, half for the crosses.
+const LANE: f64 = 68.0;
+/// Height of the strip for the letters of vertical guides.
+const STRIP: f64 = 30.0;
 
 /// Draws a plot as one SVG element, 800 pixels wide, that can stand in a page or alone in a file.
 ///
 /// Points without a place on the axes (NaN, infinity, on a logarithmic axis zero or less) are left out and counted in
-/// the legend; those of [`Mark::Cross`] stand on a rail instead: along the upper edge where y has no place, along the right
-/// edge where only x has none, in a lane for every name of a series. Vertical guides have letters above the plot that the legend
-/// explains; guides far beside the points are named there only.
+/// the legend; those of [`Mark::Cross`] stand in a lane for their cause instead: along the upper edge where y has no place, along
+/// the right edge where only x has none. Vertical guides have letters above the plot that the legend explains; guides far beside
+/// the points are named there only.
 pub fn svg(plot: &Plot) -> String {
-    let layout = Layout::of(plot);
-    canvas::sheet(&alt(plot), layout.bottom + BELOW, |sheet| layout.draw(sheet))
-}
-
-/// The title of the vertical axis in lines, whole if two or three hold it.
-fn upright(title: &str) -> Vec<String> {
-    let mut lines = canvas::wrap(title, HEIGHT);
-    if lines.len() > 3 {
-        let rest = lines.split_off(2).join(" ");
-        lines.push(canvas::clip(&rest, HEIGHT));
-    }
-    lines
+    let mut layout = Layout::of(plot);
+    let (mut sheet, heading) = Sheet::new(&plot.title, &plot.conclusion);
+    let legend = sheet.legend(heading, layout.legend());
+    let strip = if layout.verticals().next().is_some() { STRIP } else { 0.0 };
+    let ceiling = legend + strip;
+    layout.field.move_down(ceiling + layout.rail(0));
+    layout.draw(&mut sheet, ceiling);
+    sheet.finish(&alt(plot), layout.field.bottom + Field::BELOW)
 }
 
 /// The plot in words, for those who cannot see it.
 fn alt(plot: &Plot) -> String {
     let Plot { title, conclusion, x, y, series, .. } = plot;
-    let mut names: Vec<&str> =
-        series.iter().map(|series| series.name.as_str()).filter(|name| !name.is_empty()).collect();
+    let mut names: Vec<&str> = series.iter().map(|series| series.name.as_str()).collect();
+    names.retain(|name| !name.is_empty());
     names.dedup();
     let shown = format!("{title}. {} over {}: {}", y.title, x.title, names.join(", "));
     if conclusion.is_empty() { shown } else { format!("{shown}. {conclusion}") }
@@ -47,39 +45,13 @@ fn alt(plot: &Plot) -> String {
 
 struct Layout<'a> {
     plot: &'a Plot,
-    x: Ruler,
-    y: Ruler,
-    heading: Heading,
-    legend: Vec<(Key<'a>, String, Point)>,
-    left: i32,
-    right: i32,
-    top: i32,
-    bottom: i32,
-    rails: Rails<'a>,
-    /// The title of the vertical axis, in lines.
-    upright: Vec<String>,
-    /// Labels of sloping guides, and where.
-    labels: Vec<Label>,
+    field: Field<'a>,
+    /// The causes of failures without a place on the vertical axis, and without one on the horizontal axis.
+    lanes: [Vec<&'a str>; 2],
 }
-
-/// What the legend explains.
-enum Key<'a> {
-    Series(usize, &'a Series),
-    Failures,
-    Level,
-    Slope,
-    /// A vertical guide, by its letter.
-    Letter(char),
-    /// A guide that has no place in the picture.
-    Outside,
-}
-
-/// Height of the strip for the letters of vertical guides.
-const STRIP: i32 = 30;
 
 impl<'a> Layout<'a> {
     fn of(plot: &'a Plot) -> Self {
-        let points = || plot.series.iter().flat_map(|series| &series.points);
         let (mut levels, mut verticals) = (Vec::new(), Vec::new());
         for guide in &plot.guides {
             match *guide {
@@ -88,218 +60,268 @@ impl<'a> Layout<'a> {
                 Guide::Slope { .. } => {}
             }
         }
-        let x = Ruler::over(plot.x.scale, points().map(|p| p.0), verticals.into_iter());
-        let y = Ruler::over(plot.y.scale, points().map(|p| p.1), levels.into_iter());
-        let rails = Rails::of(plot, &x, &y);
-        let labels = y.ticks.iter().map(|(_, label)| canvas::width(label)).max().unwrap_or(0);
-        let heading = Heading::new(&plot.title, &plot.conclusion);
-        let upright = upright(&plot.y.title);
-        let (left, right) = (labels + LINE * upright.len() as i32 + 34, WIDTH - 18);
-        let legend = Vec::new();
-        let mut layout =
-            Self { plot, x, y, heading, legend, left, right, top: 0, bottom: 0, rails, upright, labels: Vec::new() };
-        // Places for labels do not depend on how far down the plot begins, which the legend decides.
-        layout.bottom = HEIGHT + layout.rails.height();
-        let refused = layout.place_labels();
-        layout.top = layout.heading.height();
-        layout.place_legend(&refused);
-        if layout.plot.guides.iter().any(|guide| layout.vertical(guide).is_some()) {
-            layout.top += STRIP;
+        let points = || plot.series.iter().flat_map(|series| &series.points);
+        let x = ScaledAxis::new(plot.x.scale, points().map(|p| p.0), &verticals, MARGIN);
+        let y = ScaledAxis::new(plot.y.scale, points().map(|p| p.1), &levels, MARGIN);
+        let mut lanes = [Vec::new(), Vec::new()];
+        for series in plot.series.iter().filter(|series| series.mark == Mark::Cross) {
+            for point in &series.points {
+                let lane = match (x.place(point.0), y.place(point.1)) {
+                    (Some(_), None) => &mut lanes[0],
+                    (None, Some(_)) => &mut lanes[1],
+                    _ => continue,
+                };
+                if !lane.contains(&series.name.as_str()) {
+                    lane.push(&series.name);
+                }
+            }
         }
-        layout.bottom += layout.top;
-        for (_, at, _) in &mut layout.labels {
-            at.1 += layout.top;
-        }
-        layout
+        let right = LANE * lanes[1].len() as f64;
+        Self { plot, field: Field::new([&plot.x, &plot.y], [x, y], HEIGHT, right), lanes }
     }
 
-    /// The place of a vertical guide that is in the picture.
-    fn vertical(&self, guide: &Guide) -> Option<i32> {
-        match guide {
-            Guide::Vertical { x, .. } => self.x.inside(*x).map(|place| self.column(place)),
+    /// Width of the lanes above the field, or on its right.
+    fn rail(&self, side: usize) -> f64 {
+        LANE * self.lanes[side].len() as f64
+    }
+
+    /// The place of a point of a series: on the field, or in the lane of its cause.
+    fn point(&self, index: usize, series: &Series, (x, y): (f64, f64)) -> Option<Point> {
+        let field = &self.field;
+        // Crosses of different series keep a little apart: they may stand at the same place.
+        let apart = (index % 3) as f64 * 8.0 - 8.0;
+        let lane = |side: usize| {
+            let lane = self.lanes[side].iter().position(|cause| *cause == series.name)?;
+            Some(LANE * (lane as f64 + 0.75) + apart)
+        };
+        match (field.x.place(x), field.y.place(y)) {
+            (Some(x), Some(y)) => Some([field.column(x), field.row(y)]),
+            _ if series.mark != Mark::Cross => None,
+            (Some(x), None) => Some([field.column(x), field.top - self.rail(0) + lane(0)?]),
+            (None, Some(y)) => Some([field.right + lane(1)?, field.row(y)]),
+            (None, None) => None,
+        }
+    }
+
+    /// The vertical guides in the picture: their columns and letters.
+    fn verticals(&self) -> impl Iterator<Item = (f64, char)> {
+        let column = |guide: &Guide| match guide {
+            Guide::Vertical { x, .. } => self.field.x.inside(*x).map(|place| self.field.column(place)),
             Guide::Level { .. } | Guide::Slope { .. } => None,
-        }
+        };
+        self.plot.guides.iter().filter_map(column).zip('a'..='z')
     }
 
-    /// Finds places for the labels of sloping guides that cover nothing; returns those of guides for which there is none.
-    fn place_labels(&mut self) -> Vec<String> {
-        let occupied = self.occupied();
-        let mut refused = Vec::new();
+    fn legend(&self) -> Vec<(String, Sample<'_>)> {
+        let mut entries: Vec<(String, Sample<'_>)> = Vec::new();
+        let mut coloured = false;
+        for (index, series) in self.plot.series.iter().enumerate() {
+            let missing = series.points.iter().filter(|&&point| self.point(index, series, point).is_none()).count();
+            if series.mark == Mark::Cross && series.like.is_some() {
+                coloured = true;
+                // The lanes name the causes of failures, and colours the series that they belong to.
+                if missing == 0 {
+                    continue;
+                }
+            }
+            let mut name = series.name.clone();
+            if let Some(slope) = series.slope {
+                name += &format!(", measured slope {slope:.2}").replace('-', "−");
+            }
+            if missing > 0 {
+                name += &format!(" ({} without a place on the axes)", number::count(missing, "point"));
+            }
+            let (colour, shape, hollow) = self.look(index, series);
+            let sample = move |sheet: &mut Sheet, [x, y]: Point| {
+                if series.mark == Mark::Line {
+                    sheet.line(&[[x, y], [x + 40.0, y]], colour, 3.0);
+                }
+                sheet.marker([x + 20.0, y], shape, colour, hollow);
+            };
+            entries.push((name, Box::new(sample)));
+        }
+        if coloured {
+            let cross = |sheet: &mut Sheet, [x, y]: Point| sheet.marker([x + 20.0, y], CROSS, INK, true);
+            entries.push(("failed, in the colour of its method".into(), Box::new(cross)));
+        }
+        let mut letters = self.verticals().map(|(_, letter)| letter);
         for guide in &self.plot.guides {
-            let Guide::Slope { slope, through } = guide else { continue };
-            let line = self.slope_line(*slope, *through);
-            if line.is_empty() {
+            let (text, axis, value, [before, beyond]) = match guide {
+                Guide::Level { y, label } => {
+                    (format!("{label}: {}", number::pretty(*y)), &self.field.y, *y, ["below", "above"])
+                }
+                Guide::Vertical { x, label } => (label.clone(), &self.field.x, *x, ["left of", "right of"]),
+                Guide::Slope { .. } => continue,
+            };
+            if axis.inside(value).is_none() {
+                let side = if axis.place(value).is_some_and(|place| place < 0.0) { before } else { beyond };
+                let arrow = |sheet: &mut Sheet, [x, y]: Point| sheet.text("→", [x + 8.0, y], "start", INK);
+                entries.push((format!("{text}, {side} the picture"), Box::new(arrow)));
                 continue;
             }
+            let letter = if matches!(guide, Guide::Vertical { .. }) { letters.next() } else { None };
+            let sample = move |sheet: &mut Sheet, [x, y]: Point| match letter {
+                Some(letter) => {
+                    sheet.dashed(&[[x + 14.0, y - 12.0], [x + 14.0, y + 12.0]], INK, 2.0);
+                    sheet.text(&letter.to_string(), [x + 22.0, y], "start", INK);
+                }
+                None => sheet.dashed(&[[x, y], [x + 40.0, y]], INK, 3.0),
+            };
+            entries.push((text, Box::new(sample)));
+        }
+        entries
+    }
+
+    fn draw(&self, sheet: &mut Sheet, ceiling: f64) {
+        let Field { left, right, top, bottom, .. } = self.field;
+        self.draw_lanes(sheet, ceiling);
+        self.field.draw_grid(sheet);
+        self.field.draw_axes(sheet);
+        for guide in &self.plot.guides {
+            if let Guide::Level { y, .. } = guide
+                && let Some(row) = self.field.y.inside(*y).map(|place| self.field.row(place))
+            {
+                sheet.dashed(&[[left, row], [right, row]], INK, 3.0);
+            }
+        }
+        let mut verticals: Vec<(f64, char)> = self.verticals().collect();
+        verticals.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut free = f64::NEG_INFINITY;
+        for (column, letter) in verticals {
+            sheet.dashed(&[[column, bottom], [column, top]], INK, 2.0);
+            let at = column.max(free);
+            free = at + 24.0;
+            sheet.text(&letter.to_string(), [at, ceiling - 0.5 * STRIP], "middle", INK);
+        }
+        let slopes = self.plot.guides.iter().filter_map(|guide| match *guide {
+            Guide::Slope { slope, through } => Some((slope, self.slope_line(slope, through)?)),
+            Guide::Level { .. } | Guide::Vertical { .. } => None,
+        });
+        let slopes: Vec<(f64, [Point; 2])> = slopes.collect();
+        for (_, line) in &slopes {
+            sheet.dashed(line, MUTED, 2.0);
+        }
+        for (index, series) in self.plot.series.iter().enumerate() {
+            self.draw_series(sheet, index, series);
+        }
+        // Lines through one point part at their ends: there they are named, on paper of their own.
+        for (k, (slope, line)) in slopes.iter().enumerate() {
             let text = format!("slope {}", signed(*slope));
-            let wide = canvas::width(&text);
-            let around =
-                |(x, y): Point| [x + 10, x - 10 - wide].into_iter().flat_map(move |x| [(x, y - LINE - 2), (x, y + 2)]);
-            let candidates = sampled(&line).into_iter().flat_map(around);
-            match self.free_place(&text, candidates, &occupied) {
-                Some(label) => self.labels.push(label),
-                None => refused.push(text),
-            }
-        }
-        refused
-    }
-
-    /// Sets the legend's entries in rows under the title and moves the plot's top below them.
-    fn place_legend(&mut self, slopes: &[String]) {
-        let series = || self.plot.series.iter().enumerate();
-        let coloured = |series: &Series| series.mark == Mark::Cross && series.like.is_some();
-        // The lanes name the causes of failures, and colours the series that they belong to.
-        let explained = |&(i, series): &(usize, &Series)| coloured(series) && self.missing(i, series) == 0;
-        let keys = series().filter(|entry| !explained(entry));
-        let keys = keys.map(|(i, series)| (Key::Series(i, series), self.name(i, series)));
-        let failures = series().any(|(_, series)| coloured(series));
-        let failures = failures.then(|| (Key::Failures, "failed, in the colour of its method".to_owned()));
-        let mut letters = 'a'..='z';
-        let guides = self.plot.guides.iter().filter_map(|guide| match guide {
-            Guide::Level { y, label } => {
-                let text = format!("{label}: {}", number::pretty(*y));
-                Some(match (self.y.place(*y), self.y.inside(*y)) {
-                    (_, Some(_)) => (Key::Level, text),
-                    (Some(place), None) if place < 0.0 => (Key::Outside, format!("{text}, below the picture")),
-                    _ => (Key::Outside, format!("{text}, above the picture")),
-                })
-            }
-            Guide::Vertical { x, label } => {
-                Some(match (self.x.place(*x), self.vertical(guide).and_then(|_| letters.next())) {
-                    (_, Some(letter)) => (Key::Letter(letter), label.clone()),
-                    (Some(place), None) if place < 0.0 => (Key::Outside, format!("{label}, left of the picture")),
-                    _ => (Key::Outside, format!("{label}, right of the picture")),
-                })
-            }
-            Guide::Slope { .. } => None,
-        });
-        let slopes = slopes.iter().map(|text| (Key::Slope, text.clone()));
-        let guides: Vec<_> = guides.chain(slopes).collect();
-        let mut at = (16, self.top + LINE / 2);
-        let mut legend = Vec::new();
-        for (key, text) in keys.chain(failures).chain(guides).filter(|(_, text)| !text.is_empty()) {
-            let text = canvas::clip(&number::typeset(&text), WIDTH - 90);
-            let wide = 50 + canvas::width(&text) + 24;
-            if at.0 > 16 && at.0 + wide > WIDTH {
-                at = (16, at.1 + LINE);
-            }
-            legend.push((key, text, at));
-            at.0 += wide;
-        }
-        if !legend.is_empty() {
-            self.top = at.1 + LINE / 2 + 12;
-        }
-        self.legend = legend;
-    }
-
-    /// A series in the legend: its name, its measured slope, and how many of its points could not be drawn.
-    fn name(&self, index: usize, series: &Series) -> String {
-        let missing = self.missing(index, series);
-        let mut name = series.name.clone();
-        if let Some(slope) = series.slope {
-            name += &format!(", measured slope {slope:.2}").replace('-', "−");
-        }
-        if missing > 0 {
-            name += &format!(" ({} without a place on the axes)", number::count(missing, "point"));
-        }
-        name
-    }
-
-    fn missing(&self, index: usize, series: &Series) -> usize {
-        series.points.iter().filter(|&&p| self.point(index, series, p).is_none()).count()
-    }
-
-    /// Where the right rail begins.
-    fn edge(&self) -> i32 {
-        self.right - self.rails.width()
-    }
-
-    fn column(&self, place: f64) -> i32 {
-        self.left + (place * f64::from(self.edge() - self.left)).round() as i32
-    }
-
-    fn row(&self, place: f64) -> i32 {
-        self.bottom - (place * f64::from(self.bottom - self.top - self.rails.height())).round() as i32
-    }
-
-    fn point(&self, index: usize, series: &Series, (x, y): (f64, f64)) -> Option<Point> {
-        match (self.x.place(x), self.y.place(y)) {
-            (Some(x), Some(y)) => Some((self.column(x), self.row(y))),
-            (Some(x), None) if is_railed(series, None) => {
-                Some((self.column(x), self.top + self.rails.below_the_top(index, series)?))
-            }
-            (None, Some(y)) if is_railed(series, None) => {
-                Some((self.edge() + self.rails.right_of_the_plot(index, series)?, self.row(y)))
-            }
-            _ => None,
+            let ([x, y], step, anchor) = match k % 2 {
+                0 => (line[0], 12.0, "start"),
+                _ => (line[1], -12.0, "end"),
+            };
+            let at = [x + step, y.clamp(top + 0.5 * LINE, bottom - 0.5 * LINE)];
+            let halo = format_args!(r#"paint-order="stroke" stroke="{PAPER}" stroke-width="8""#);
+            sheet.styled_text(&text, at, format_args!(r#"text-anchor="{anchor}" fill="{MUTED}" {halo}"#));
         }
     }
 
-    /// The line of a slope through a point, cut off at the edges; empty where the axes are not both logarithmic.
-    fn slope_line(&self, slope: f64, through: (f64, f64)) -> Vec<Point> {
-        if (self.plot.x.scale, self.plot.y.scale) != (Scale::Logarithmic, Scale::Logarithmic) {
-            return Vec::new();
+    /// Draws the grounds and names of the failure lanes.
+    fn draw_lanes(&self, sheet: &mut Sheet, ceiling: f64) {
+        let Field { left, right, top, bottom, .. } = self.field;
+        let edge = right + self.rail(1);
+        for (lane, cause) in self.lanes[0].iter().enumerate() {
+            let row = ceiling + LANE * lane as f64;
+            sheet.rectangle([left, row + 2.0], [edge, row + LANE], FAIL_GROUND);
+            let text = clip(cause, edge - left - 16.0);
+            sheet.text(&text, [left + 8.0, row + 0.25 * LANE], "start", FAIL);
         }
-        let Some((x0, y0)) = self.x.place(through.0).zip(self.y.place(through.1)) else { return Vec::new() };
-        let (decade_x, decade_y) = (self.x.unit(), self.y.unit());
-        let height = |x: f64| y0 + slope * (x - x0) / decade_x * decade_y;
-        let inside = |x: &f64| (0.0..=1.0).contains(&height(*x));
-        let places: Vec<f64> = (0..=400).map(|i| f64::from(i) / 400.0).filter(inside).collect();
-        let ends = places.first().into_iter().chain(places.last());
-        ends.map(|&x| (self.column(x), self.row(height(x)))).collect()
+        for (lane, cause) in self.lanes[1].iter().enumerate() {
+            let column = right + LANE * lane as f64;
+            sheet.rectangle([column + 2.0, top], [column + LANE, bottom], FAIL_GROUND);
+            let text = clip(cause, bottom - top - 16.0);
+            sheet.upright(&text, [column + 0.25 * LANE, bottom - 8.0 - 0.5 * width(&text)], FAIL);
+        }
     }
 
-    /// Where curves and sloping guides run, sampled every few pixels.
-    fn occupied(&self) -> Vec<Point> {
-        let curves = self.plot.series.iter().enumerate().map(|(index, series)| {
-            let points: Vec<Point> = series.points.iter().filter_map(|&p| self.point(index, series, p)).collect();
-            if series.mark == Mark::Line { sampled(&points) } else { points }
-        });
-        let guides = self.plot.guides.iter().map(|guide| match *guide {
-            Guide::Slope { slope, through } => sampled(&self.slope_line(slope, through)),
-            Guide::Level { y, .. } => {
-                let row = self.y.inside(y).map(|place| self.row(place));
-                row.map_or(Vec::new(), |row| sampled(&[(self.left, row), (self.edge(), row)]))
+    fn draw_series(&self, sheet: &mut Sheet, index: usize, series: &Series) {
+        let (colour, shape, hollow) = self.look(index, series);
+        let points: Vec<Option<Point>> = series.points.iter().map(|&point| self.point(index, series, point)).collect();
+        if series.mark == Mark::Line {
+            // A point without a place interrupts the line.
+            for piece in points.split(Option::is_none).filter(|piece| piece.len() > 1) {
+                sheet.line(&piece.iter().copied().flatten().collect::<Vec<_>>(), colour, 3.0);
             }
-            Guide::Vertical { .. } => {
-                let column = self.vertical(guide);
-                column.map_or(Vec::new(), |column| sampled(&[(column, self.bottom), (column, self.row(1.0))]))
+            // So many points are not marked one by one where a line joins them.
+            if points.len() > 60 {
+                return;
             }
-        });
-        curves.chain(guides).flatten().collect()
+        }
+        for point in points.into_iter().flatten() {
+            sheet.marker(point, shape, colour, hollow);
+        }
     }
 
-    /// The first of the places for a label where it covers no curve and no other label.
-    fn free_place(&self, text: &str, mut candidates: impl Iterator<Item = Point>, occupied: &[Point]) -> Option<Label> {
-        let wide = canvas::width(text);
-        let rows = self.row(1.0)..=self.bottom - LINE;
-        let place = candidates.find(|&(x, y)| {
-            let covered = |p: &Point| p.0 > x - 6 && p.0 < x + wide + 6 && p.1 > y - 4 && p.1 < y + LINE + 4;
-            let meets =
-                |(_, at, other): &Label| x <= at.0 + other && at.0 <= x + wide && y < at.1 + LINE && at.1 < y + LINE;
-            let inside = x >= self.left + 8 && x + wide <= self.edge() && rows.contains(&y);
-            inside && !occupied.iter().any(covered) && !self.labels.iter().any(meets)
-        })?;
-        Some((text.to_owned(), place, wide))
+    /// The colour and shape of a series, and whether the shape is hollow.
+    fn look(&self, index: usize, series: &Series) -> (Colour, &'static str, bool) {
+        let like = |name: &String| self.plot.series.iter().position(|other| other.name == *name);
+        let index = series.like.as_ref().and_then(like).unwrap_or(index);
+        let look = self.plot.series.get(index).and_then(|series| series.look);
+        let Look { number, hollow } = look.unwrap_or(Look { number: index, hollow: false });
+        let colour = SERIES[number % SERIES.len()];
+        match series.mark {
+            Mark::Cross if series.like.is_none() => (FAIL, CROSS, true),
+            Mark::Cross => (colour, CROSS, true),
+            Mark::Line | Mark::Point => (colour, SHAPES[number % SHAPES.len()], hollow),
+        }
+    }
+
+    /// The line of a slope through a point, cut off at the edges; `None` where it misses the field, or the axes are not both logarithmic.
+    fn slope_line(&self, slope: f64, through: (f64, f64)) -> Option<[Point; 2]> {
+        let field = &self.field;
+        let is_power_law = [&self.plot.x, &self.plot.y].iter().all(|axis| axis.scale == Scale::Logarithmic);
+        let (x0, y0) = field.x.place(through.0).zip(field.y.place(through.1)).filter(|_| is_power_law)?;
+        let rise = slope * field.y.unit() / field.x.unit();
+        let [floor, ceiling] = [0.0, 1.0].map(|y| x0 + (y - y0) / rise);
+        let (from, to) = (floor.min(ceiling).max(0.0), floor.max(ceiling).min(1.0));
+        let end = |x: f64| [field.column(x), field.row((y0 + rise * (x - x0)).clamp(0.0, 1.0))];
+        (rise.is_finite() && from < to).then(|| [end(from), end(to)])
     }
 }
-
-/// A line's points and points between them, a few pixels apart.
-fn sampled(line: &[Point]) -> Vec<Point> {
-    let between = line.windows(2).flat_map(|ends| {
-        let (a, b) = (ends[0], ends[1]);
-        let steps = ((a.0 - b.0).abs().max((a.1 - b.1).abs()) / 8).max(1);
-        (1..steps).map(move |i| (a.0 + (b.0 - a.0) * i / steps, a.1 + (b.1 - a.1) * i / steps))
-    });
-    line.iter().copied().chain(between).collect()
-}
-
-/// A text, its upper left corner and its width.
-type Label = (String, Point, i32);
 
 /// A slope with its sign: `+2`, `−1`, `−½`.
 fn signed(slope: f64) -> String {
     let sign = if slope > 0.0 { "+" } else { "−" };
     let size = if slope.abs() == 0.5 { "½".to_owned() } else { number::pretty(slope.abs()) };
     format!("{sign}{size}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every method has a colour and a shape of its own.
+    #[test]
+    fn methods_look_different() {
+        let count = crate::integrate::Method::ALL.len();
+        let line = |number| Series::line("", Vec::new()).looking(Look { number, hollow: false });
+        let plot = Plot { series: (0..count).map(line).collect(), ..Plot::log_log("", "", "") };
+        let layout = Layout::of(&plot);
+        let looks: Vec<_> = plot.series.iter().enumerate().map(|(k, series)| layout.look(k, series)).collect();
+        for (k, (colour, shape, _)) in looks.iter().enumerate() {
+            assert!(looks[..k].iter().all(|other| other.0 != *colour && other.1 != *shape), "{k}");
+        }
+    }
+
+    /// A line of slope −1 through the middle of two decades by two joins opposite corners but for the margins; others are cut off.
+    #[test]
+    fn slopes_are_cut_off_at_the_edges() {
+        let plot = Plot::log_log("", "", "").with_series(Series::line("", vec![(1.0, 100.0), (100.0, 1.0)]));
+        let layout = Layout::of(&plot);
+        let (field, near) = (&layout.field, |a: f64, b: f64| (a - b).abs() < 1e-6);
+        let [[x0, y0], [x1, y1]] = layout.slope_line(-1.0, (10.0, 10.0)).unwrap();
+        assert!(near(x0, field.left) && near(y0, field.top) && near(x1, field.right) && near(y1, field.bottom));
+        let [[x0, y0], [x1, y1]] = layout.slope_line(2.0, (10.0, 10.0)).unwrap();
+        let quarter = 0.25 * (field.right - field.left);
+        assert!(
+            near(x0, field.left + quarter)
+                && near(y0, field.bottom)
+                && near(x1, field.right - quarter)
+                && near(y1, field.top)
+        );
+        let [[_, y0], [_, y1]] = layout.slope_line(0.0, (3.0, 10.0)).unwrap();
+        assert!(near(y0, y1));
+        assert!([0.0, f64::NAN, f64::INFINITY].iter().all(|&slope| layout.slope_line(slope, (10.0, 1e9)).is_none()));
+    }
 }

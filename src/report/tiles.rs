@@ -1,139 +1,67 @@
 //! Fields of classified cells as SVG.
 
-use super::axis::Ruler;
-use super::canvas::{self, Align, Drawn, LINE, Sheet, WIDTH};
-use super::heading::Heading;
-use super::palette;
+use super::axis::{Field, ScaledAxis};
+use super::sheet::{CLASSES, Colour, INK, PAPER, Point, Sample, Sheet};
 use crate::figure::Tiles;
 use std::collections::BTreeSet;
-
-/// Height of the field in pixels.
-const HEIGHT: i32 = 420;
-/// Room below it, for tick labels and the title of the axis.
-const BELOW: i32 = 96;
 
 /// Draws a field as one SVG element, 800 pixels wide, that can stand in a page or alone in a file. The legend names the
 /// classes that occur.
 pub fn svg(tiles: &Tiles) -> String {
-    let layout = Layout::of(tiles);
-    canvas::sheet(&format!("{}. {}", tiles.title, tiles.conclusion), layout.bottom + BELOW, |sheet| layout.draw(sheet))
+    let [columns, rows] = [&tiles.columns, &tiles.rows].map(|centres| edges(centres));
+    let x = ScaledAxis::new(tiles.x.scale, columns.iter().copied(), &[], 0.0);
+    let y = ScaledAxis::new(tiles.y.scale, rows.iter().copied(), &[], 0.0);
+    let mut field = Field::new([&tiles.x, &tiles.y], [x, y], 420.0, 0.0);
+    let (mut sheet, top) = Sheet::new(&tiles.title, &tiles.conclusion);
+    field.move_down(sheet.legend(top, legend(tiles)));
+    draw_cells(&mut sheet, &field, tiles, [&columns, &rows]);
+    draw_curves(&mut sheet, &field, tiles);
+    field.draw_axes(&mut sheet);
+    sheet.finish(&format!("{}. {}", tiles.title, tiles.conclusion), field.bottom + Field::BELOW)
 }
 
-struct Layout<'a> {
-    tiles: &'a Tiles,
-    x: Ruler,
-    y: Ruler,
-    heading: Heading,
-    legend: Vec<(Option<usize>, String, (i32, i32))>,
-    left: i32,
-    right: i32,
-    top: i32,
-    bottom: i32,
+fn legend(tiles: &Tiles) -> Vec<(String, Sample<'_>)> {
+    let mut entries: Vec<(String, Sample<'_>)> = Vec::new();
+    let present: BTreeSet<usize> = tiles.cells.iter().flatten().copied().collect();
+    for class in present {
+        let swatch =
+            move |sheet: &mut Sheet, [x, y]: Point| sheet.rectangle([x, y - 12.0], [x + 40.0, y + 12.0], colour(class));
+        entries.push((tiles.classes.get(class).cloned().unwrap_or_default(), Box::new(swatch)));
+    }
+    for curve in tiles.curves.iter().filter(|curve| !curve.points.is_empty()) {
+        let line = |sheet: &mut Sheet, [x, y]: Point| sheet.line(&[[x, y], [x + 40.0, y]], INK, 4.0);
+        entries.push((curve.name.clone(), Box::new(line)));
+    }
+    entries
 }
 
-impl<'a> Layout<'a> {
-    fn of(tiles: &'a Tiles) -> Self {
-        let x = Ruler::between(tiles.x.scale, edges(&tiles.columns).into_iter());
-        let y = Ruler::between(tiles.y.scale, edges(&tiles.rows).into_iter());
-        let labels = y.ticks.iter().map(|(_, label)| canvas::width(label)).max().unwrap_or(0);
-        let heading = Heading::new(&tiles.title, &tiles.conclusion);
-        let mut top = heading.height();
-        let present: BTreeSet<usize> = tiles.cells.iter().flatten().copied().collect();
-        let classes = present.iter().filter_map(|&class| Some((Some(class), tiles.classes.get(class)?.clone())));
-        let curves = tiles.curves.iter().filter(|curve| !curve.points.is_empty());
-        let curves = curves.map(|curve| (None, curve.name.clone()));
-        let mut at = (16, top + LINE / 2);
-        let mut legend = Vec::new();
-        for (class, text) in classes.chain(curves) {
-            let wide = 50 + canvas::width(&text) + 24;
-            if at.0 > 16 && at.0 + wide > WIDTH {
-                at = (16, at.1 + LINE);
+fn draw_cells(sheet: &mut Sheet, field: &Field<'_>, tiles: &Tiles, [columns, rows]: [&[f64]; 2]) {
+    for (cells, span) in tiles.cells.iter().zip(rows.windows(2)) {
+        // Neighbours of one class are one rectangle.
+        let mut from = 0;
+        for run in cells.chunk_by(|a, b| a == b) {
+            let to = from + run.len();
+            let corner = |column: usize, y: f64| field.point((*columns.get(column)?, y));
+            if let (Some([left, top]), Some([right, bottom])) = (corner(from, span[1]), corner(to, span[0])) {
+                // Half a pixel of overlap: browsers let the paper shine through where edges only touch.
+                sheet.rectangle([left, top], [right + 0.5, bottom + 0.5], colour(run[0]));
             }
-            legend.push((class, text, at));
-            at.0 += wide;
+            from = to;
         }
-        if !legend.is_empty() {
-            top = at.1 + LINE / 2 + 12;
-        }
-        Self { tiles, x, y, heading, legend, left: labels + LINE + 34, right: WIDTH - 18, top, bottom: top + HEIGHT }
     }
+}
 
-    fn column(&self, x: f64) -> Option<i32> {
-        let place = self.x.place(x)?;
-        Some(self.left + (place * f64::from(self.right - self.left)).round() as i32)
-    }
-
-    fn row(&self, y: f64) -> Option<i32> {
-        let place = self.y.place(y)?;
-        Some(self.bottom - (place * f64::from(self.bottom - self.top)).round() as i32)
-    }
-
-    fn draw(&self, sheet: &Sheet<'_>) -> Drawn {
-        self.heading.draw(sheet)?;
-        self.draw_cells(sheet)?;
-        self.draw_curves(sheet)?;
-        self.draw_axes(sheet)?;
-        for (class, text, (x, y)) in &self.legend {
-            match class {
-                Some(class) => sheet.rectangle((*x, y - 12), (x + 40, y + 12), colour(*class))?,
-                None => sheet.line(vec![(*x, *y), (x + 40, *y)], palette::INK, 4)?,
-            }
-            sheet.text(text, (x + 50, *y), Align::Left, palette::INK)?;
+fn draw_curves(sheet: &mut Sheet, field: &Field<'_>, tiles: &Tiles) {
+    let (first, last) = (tiles.columns.first(), tiles.columns.last());
+    let inside = |x: f64| first.is_some_and(|first| x >= *first) && last.is_some_and(|last| x <= *last);
+    for curve in &tiles.curves {
+        let place = |&point: &(f64, f64)| if inside(point.0) { field.point(point) } else { None };
+        let points: Vec<Option<Point>> = curve.points.iter().map(place).collect();
+        for piece in points.split(Option::is_none).filter(|piece| piece.len() > 1) {
+            let points: Vec<Point> = piece.iter().copied().flatten().collect();
+            sheet.line(&points, PAPER, 8.0);
+            sheet.line(&points, INK, 4.0);
         }
-        Ok(())
-    }
-
-    fn draw_cells(&self, sheet: &Sheet<'_>) -> Drawn {
-        let columns: Vec<Option<i32>> = edges(&self.tiles.columns).into_iter().map(|x| self.column(x)).collect();
-        let rows: Vec<Option<i32>> = edges(&self.tiles.rows).into_iter().map(|y| self.row(y)).collect();
-        for (cells, span) in self.tiles.cells.iter().zip(rows.windows(2)) {
-            let [Some(low), Some(high)] = *span else { continue };
-            // Neighbours of one class are one rectangle.
-            let mut from = 0;
-            for run in cells.chunk_by(|a, b| a == b) {
-                let to = from + run.len();
-                let ends = (columns.get(from).copied().flatten(), columns.get(to).copied().flatten());
-                if let ((Some(left), Some(right)), Some(&class)) = (ends, run.first()) {
-                    // One pixel of overlap: browsers let the paper shine through where edges only touch.
-                    sheet.rectangle((left, high), (right + 1, low + 1), colour(class))?;
-                }
-                from = to;
-            }
-        }
-        Ok(())
-    }
-
-    fn draw_curves(&self, sheet: &Sheet<'_>) -> Drawn {
-        let (first, last) = (self.tiles.columns.first(), self.tiles.columns.last());
-        let inside = |x: f64| first.is_some_and(|first| x >= *first) && last.is_some_and(|last| x <= *last);
-        for curve in &self.tiles.curves {
-            let place = |&(x, y): &(f64, f64)| if inside(x) { self.column(x).zip(self.row(y)) } else { None };
-            let points: Vec<Option<(i32, i32)>> = curve.points.iter().map(place).collect();
-            for piece in points.split(Option::is_none).filter(|piece| piece.len() > 1) {
-                let points: Vec<_> = piece.iter().copied().flatten().collect();
-                sheet.line(points.clone(), palette::PAPER, 8)?;
-                sheet.line(points, palette::INK, 4)?;
-            }
-        }
-        Ok(())
-    }
-
-    fn draw_axes(&self, sheet: &Sheet<'_>) -> Drawn {
-        let (left, right, top, bottom) = (self.left, self.right, self.top, self.bottom);
-        sheet.line(vec![(left, top), (left, bottom), (right, bottom)], palette::INK, 2)?;
-        let across = |place: f64| left + (place * f64::from(right - left)).round() as i32;
-        let up = |place: f64| bottom - (place * f64::from(bottom - top)).round() as i32;
-        for (place, label) in &self.x.ticks {
-            sheet.line(vec![(across(*place), bottom), (across(*place), bottom + 8)], palette::INK, 2)?;
-            sheet.text(label, (across(*place), bottom + 28), Align::Center, palette::INK)?;
-        }
-        for (place, label) in &self.y.ticks {
-            sheet.line(vec![(left - 6, up(*place)), (left, up(*place))], palette::INK, 2)?;
-            sheet.text(label, (left - 12, up(*place)), Align::Right, palette::INK)?;
-        }
-        let title = canvas::clip(&self.tiles.x.title, WIDTH - 32);
-        sheet.text(&title, ((left + right) / 2, bottom + 68), Align::Center, palette::INK)?;
-        sheet.upright(&canvas::clip(&self.tiles.y.title, HEIGHT), (22, (top + bottom) / 2), palette::INK)
     }
 }
 
@@ -147,6 +75,6 @@ fn edges(centres: &[f64]) -> Vec<f64> {
     first.into_iter().chain(centres.iter().map(|centre| centre * half)).collect()
 }
 
-fn colour(class: usize) -> palette::Colour {
-    palette::CLASSES[class % palette::CLASSES.len()]
+fn colour(class: usize) -> Colour {
+    CLASSES[class % CLASSES.len()]
 }

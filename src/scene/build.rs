@@ -1,9 +1,7 @@
 //! From a [`Scene`] to a checked [`System`] and its initial [`State`].
 
-use super::MeshGeometry;
 use super::schema::{AxisName, ConstraintEntry, TimeSettings};
-use super::{Flags, Gravity};
-use super::{Row, Scene, Values};
+use super::{Drag, Flags, Gravity, MeshGeometry, Row, Scene, Values};
 use crate::error::{Error, Invalid, Result};
 use crate::memory;
 use crate::spring::{Extension, Spring};
@@ -12,10 +10,6 @@ use crate::system::{
 };
 use nalgebra::Vector3;
 
-/// Bytes of a particle and of a spring, with what checking and sorting holds beside them.
-const PARTICLE: u64 = 400;
-const SPRING: u64 = 160;
-
 /// A scene that has been built.
 #[derive(Debug, Clone)]
 pub struct Built {
@@ -23,9 +17,9 @@ pub struct Built {
     pub system: System,
     /// Its state at time zero.
     pub state: State,
-    /// The triangles of its mesh, to be shown; none where there is no mesh.
+    /// The triangles of its mesh, for display; empty where there is no mesh.
     pub triangles: Vec<[u32; 3]>,
-    /// Lines for people on what may surprise in the mesh.
+    /// Notes on the mesh: loose parts, coincident and unused vertices, omitted faces.
     pub notes: Vec<String>,
 }
 
@@ -36,22 +30,15 @@ impl Scene {
     /// [`Error::Invalid`] for the first value that breaks a rule, with file, key, index and value; a mesh that cannot be read is the
     /// value of `mesh.file`. [`Error::TooLarge`] for a scene that does not fit the memory.
     pub fn build(&self) -> Result<(System, State)> {
-        self.build_with_triangles().map(|(system, state, _)| (system, state))
+        self.build_with_notes().map(|built| (built.system, built.state))
     }
 
-    /// As [`build`](Self::build), with the triangles of the mesh, none where there is no mesh: they move nothing, but show a surface.
-    ///
-    /// # Errors
-    /// As for [`build`](Self::build).
+    /// As [`build`](Self::build), with the triangles of the mesh for display.
     pub fn build_with_triangles(&self) -> Result<(System, State, Vec<[u32; 3]>)> {
         self.build_with_notes().map(|Built { system, state, triangles, .. }| (system, state, triangles))
     }
 
-    /// As [`build`](Self::build), with the triangles of the mesh, and notes on what may surprise in it: loose parts, coincident and unused
-    /// vertices, faces that were left out.
-    ///
-    /// # Errors
-    /// As for [`build`](Self::build).
+    /// As [`build`](Self::build), with the triangles of the mesh and notes on it.
     pub fn build_with_notes(&self) -> Result<Built> {
         let built = self.parts().and_then(|(builder, triangles, notes)| {
             let (behaviour, loads) = (self.behaviour(builder.pairs.len())?, self.loads(&builder)?);
@@ -65,20 +52,17 @@ impl Scene {
         })
     }
 
-    /// The description of the system, with meshes read, single numbers spread and absent values filled in. Loads, drag, gravity in time and springs
-    /// of other kinds are no part of it.
-    ///
-    /// # Errors
-    /// As for [`build`](Self::build), without the checks that the builder makes.
+    /// The description of the system, with meshes read, single numbers spread and absent values filled in, but without loads, drag,
+    /// gravity in time, actuation and `tension_only`.
     pub fn builder(&self) -> Result<SystemBuilder> {
         self.parts().map(|(builder, ..)| builder)
     }
 
     fn parts(&self) -> Result<(SystemBuilder, Vec<[u32; 3]>, Vec<String>)> {
         let (dimension, mesh) = self.geometry()?;
-        let (positions, pairs) = (&mesh.vertices, &mesh.edges);
-        let n = positions.len();
-        memory::ensure(PARTICLE * n as u64 + SPRING * pairs.len() as u64, "the scene")?;
+        let n = mesh.vertices.len();
+        // Bytes of a particle and of a spring, checking and sorting included.
+        memory::ensure(400 * n as u64 + 160 * mesh.edges.len() as u64, "the scene")?;
         let velocities = match &self.particles.velocities {
             Some(rows) => vectors("particles.velocities", rows, dimension)?,
             None => vec![Vector3::zeros(); n],
@@ -88,9 +72,9 @@ impl Scene {
             Some(Gravity::Constant(row)) => vector("gravity", None, row, dimension)?,
             Some(Gravity::Path(_)) | None => Vector3::zeros(),
         };
-        let masses = Quantity { key: "particles.masses", count: n, of: "particles", rule: Rule::Positive };
-        let springs = self.springs(positions, pairs)?;
+        let springs = self.springs(&mesh.vertices, &mesh.edges)?;
         self.check_edges(&mesh, &springs)?;
+        let masses = Quantity { key: "particles.masses", count: n, of: "particles", rule: Rule::Positive };
         let masses = masses.required(self.particles.masses.as_ref())?;
         let constraints = self.constraints.iter().enumerate();
         let constraints = constraints.map(|(index, entry)| constraint(index, entry, dimension));
@@ -111,11 +95,8 @@ impl Scene {
     fn geometry(&self) -> Result<(usize, MeshGeometry)> {
         let (positions, pairs) = (&self.particles.positions, &self.springs.pairs);
         let Some(mesh) = &self.mesh else {
-            let dimension = positions
-                .first()
-                .map(Row::dimension)
-                .or(self.gravity.as_ref().and_then(Gravity::dimension))
-                .unwrap_or(3);
+            let dimension = positions.first().map(Row::dimension);
+            let dimension = dimension.or(self.gravity.as_ref().and_then(Gravity::dimension)).unwrap_or(3);
             let vertices = vectors("particles.positions", positions, dimension)?;
             return Ok((dimension, MeshGeometry::of_lists(vertices, pairs.clone())));
         };
@@ -129,7 +110,7 @@ impl Scene {
         let folder = self.file.as_deref().and_then(std::path::Path::parent).unwrap_or("".as_ref());
         let path = folder.join(&mesh.file);
         let named = |error: Error| {
-            // The path is said once where it is what the scene says.
+            // A path written as in the scene is not repeated.
             let is_as_written = path.as_os_str() == mesh.file.as_str();
             let (text, start) = (error.to_string(), format!("{}: ", path.display()));
             let rule = text.strip_prefix(&start).filter(|_| is_as_written).unwrap_or(&text);
@@ -141,18 +122,17 @@ impl Scene {
             Rule::NotNegative.check("mesh.weld", weld)?;
             geometry.weld(weld);
         }
-        geometry.note_surprises();
+        geometry.add_notes();
         Ok((3, geometry))
     }
 
-    /// Names the place in a mesh of a spring that the builder would refuse by its number, which nobody has written.
+    /// Names the place in the mesh file of an edge of zero length, which the builder would reject by its spring's number.
     fn check_edges(&self, geometry: &MeshGeometry, springs: &[Spring]) -> Result<(), Invalid> {
         let Some(mesh) = &self.mesh else { return Ok(()) };
-        let has_length = |pair: &[u32; 2]| distance(&geometry.vertices, pair) > 0.0;
-        let may_lie = |(pair, spring): (&[u32; 2], &Spring)| has_length(pair) || spring.rest_length == 0.0;
-        let Some(edge) = geometry.edges.iter().zip(springs).position(|edge| !may_lie(edge)) else {
-            return Ok(());
+        let is_invalid = |(pair, spring): (&[u32; 2], &Spring)| {
+            spring.rest_length != 0.0 && distance(&geometry.vertices, pair).is_none()
         };
+        let Some(edge) = geometry.edges.iter().zip(springs).position(is_invalid) else { return Ok(()) };
         let rule = format!(
             "{} that lie at one place: a spring of zero current length (mesh.weld = 0 joins such vertices)",
             geometry.place(edge)
@@ -160,7 +140,7 @@ impl Scene {
         Err(Invalid::new("mesh.file", format!("{:?}", mesh.file), rule))
     }
 
-    /// Springs that do not push or change their rest lengths.
+    /// Tension-only springs, and rest lengths that change in time.
     fn behaviour(&self, springs: usize) -> Result<Behaviour, Invalid> {
         let tension_only = match &self.springs.tension_only {
             None => Vec::new(),
@@ -177,7 +157,7 @@ impl Scene {
         Ok(Behaviour { tension_only, actuation: actuation.collect() })
     }
 
-    /// Constant loads, drag, and gravity that changes.
+    /// Constant loads, drag, and gravity in time.
     fn loads(&self, builder: &SystemBuilder) -> Result<Loads, Invalid> {
         let (count, dimension) = (builder.positions.len(), builder.dimension);
         let mut forces = vec![Vector3::zeros(); if self.forces.is_empty() { 0 } else { count }];
@@ -197,11 +177,10 @@ impl Scene {
         }
         let drag = match &self.drag {
             None => Vec::new(),
-            Some(drag) => {
+            Some(Drag { coefficient }) => {
                 let key = "drag.coefficient";
-                let quantity = Quantity { key, count, of: "particles", rule: Rule::NotNegative };
-                let each = quantity.checked(&drag.coefficient)?;
-                (0..count).map(|p| each.get(p)).collect()
+                Quantity { key, count, of: "particles", rule: Rule::NotNegative }.check(coefficient)?;
+                (0..count).map(|p| coefficient.get(p)).collect()
             }
         };
         let gravity = match &self.gravity {
@@ -218,28 +197,26 @@ impl Scene {
         let quantity = |key, rule| Quantity { key, count: pairs.len(), of: "springs", rule };
         let stiffness = quantity("springs.stiffness", Rule::Positive).required(self.springs.stiffness.as_ref())?;
         let rest_lengths = self.springs.rest_lengths.as_ref();
-        let rest_lengths = rest_lengths
-            .map(|values| quantity("springs.rest_lengths", Rule::NotNegative).checked(values))
-            .transpose()?;
+        rest_lengths.map_or(Ok(()), |lengths| quantity("springs.rest_lengths", Rule::NotNegative).check(lengths))?;
         let damping = self.springs.damping.as_ref().unwrap_or(&Values::Uniform(0.0));
-        let damping = quantity("springs.damping", Rule::NotNegative).checked(damping)?;
+        quantity("springs.damping", Rule::NotNegative).check(damping)?;
         let spring = |(s, pair): (usize, &[u32; 2])| Spring {
             stiffness: stiffness.get(s),
-            rest_length: rest_lengths.as_ref().map_or_else(
-                // Of ends that coincide there is none to take.
-                || Some(distance(positions, pair)).filter(|&length| length > 0.0).unwrap_or(f64::NAN),
-                |lengths| lengths.get(s),
-            ),
+            rest_length: match rest_lengths {
+                Some(lengths) => lengths.get(s),
+                // The builder rejects springs without a length.
+                None => distance(positions, pair).unwrap_or(f64::NAN),
+            },
             damping: damping.get(s),
         };
         Ok(pairs.iter().enumerate().map(spring).collect())
     }
 }
 
-/// The current length of a spring; NaN where an end does not exist, for which the builder rejects the pair.
-fn distance(positions: &[Vector3<f64>], &[i, j]: &[u32; 2]) -> f64 {
-    let ends = positions.get(i as usize).zip(positions.get(j as usize));
-    ends.map_or(f64::NAN, |(xi, xj)| Extension::between(xi, xj).map_or(0.0, |at| at.length))
+/// The positive current length of a spring; `None` where its ends coincide or one does not exist.
+fn distance(positions: &[Vector3<f64>], &[i, j]: &[u32; 2]) -> Option<f64> {
+    let (xi, xj) = (positions.get(i as usize)?, positions.get(j as usize)?);
+    Extension::between(xi, xj).map(|at| at.length).filter(|length| *length > 0.0)
 }
 
 fn constraint(index: usize, entry: &ConstraintEntry, dimension: usize) -> Result<Constraint, Invalid> {
@@ -278,7 +255,7 @@ fn vector(key: &str, index: Option<usize>, row: &Row, dimension: usize) -> Resul
     Err(Invalid { index, ..Invalid::new(key, format!("{row:?}"), rule) })
 }
 
-/// Something that every particle or spring has one of.
+/// A quantity of every particle or spring.
 struct Quantity {
     key: &'static str,
     count: usize,
@@ -287,46 +264,23 @@ struct Quantity {
 }
 
 impl Quantity {
-    /// One number each, as many as there must be. A number given for all is checked here, where it has no index; those of a list by the
-    /// builder.
-    fn checked<'v>(&self, values: &'v Values) -> Result<Spread<'v>, Invalid> {
+    /// Checks a number for all, which has no index, and the length of a list; the builder checks its numbers.
+    fn check(&self, values: &Values) -> Result<(), Invalid> {
         match values {
-            Values::Uniform(value) => {
-                self.rule.check(self.key, *value)?;
-                Ok(Spread::Uniform(*value))
-            }
-            Values::Each(values) => {
-                check_length(self.key, values.len(), self.count, self.of)?;
-                Ok(Spread::Each(values))
-            }
+            Values::Uniform(value) => self.rule.check(self.key, *value),
+            Values::Each(values) => check_length(self.key, values.len(), self.count, self.of),
         }
     }
 
-    fn required<'v>(&self, values: Option<&'v Values>) -> Result<Spread<'v>, Invalid> {
+    fn required<'v>(&self, values: Option<&'v Values>) -> Result<&'v Values, Invalid> {
         match values {
-            Some(values) => self.checked(values),
-            None if self.count == 0 => Ok(Spread::Each(&[])),
+            Some(values) => self.check(values).map(|()| values),
+            None if self.count == 0 => Ok(&Values::Uniform(f64::NAN)),
             None => {
                 let rule =
                     format!("must be given, one number for all or one for each of the {} {}", self.count, self.of);
                 Err(Invalid::new(self.key, "absent", rule))
             }
-        }
-    }
-}
-
-/// A number for each of as many as there must be.
-enum Spread<'v> {
-    Uniform(f64),
-    Each(&'v [f64]),
-}
-
-impl Spread<'_> {
-    /// The number of one of them; NaN, which the builder refuses, of one that there is not.
-    fn get(&self, index: usize) -> f64 {
-        match self {
-            Self::Uniform(value) => *value,
-            Self::Each(values) => values.get(index).copied().unwrap_or(f64::NAN),
         }
     }
 }
@@ -377,27 +331,24 @@ mod tests {
         }
     }
 
-    /// What is asked for covers what the description holds, whether most of it is particles or springs.
+    /// The reserved memory covers the description, whether most of it is particles or springs.
     #[test]
-    fn memory_is_asked_for_particles_and_springs() {
+    fn memory_is_reserved_for_particles_and_springs() {
         for (particles, springs) in [(3000, 1), (2, 3000)] {
             let (builder, bytes) = asked("the scene", || scene(particles, springs).builder().unwrap());
             let of_particles = [&builder.positions, &builder.velocities].map(|list| size_of_val(&list[..]));
             let of_springs = size_of_val(&builder.pairs[..]) + size_of_val(&builder.springs[..]);
-            let held = of_particles.iter().sum::<usize>() + size_of_val(&builder.masses[..]) + of_springs;
-            assert!(held > 30 * 3000 && held < bytes as usize, "{held} {bytes}");
-            assert_eq!(
-                (builder.masses[1], builder.springs[0].stiffness, builder.springs[0].rest_length),
-                (2.0, 3.0, 1.0)
-            );
+            let total = of_particles.iter().sum::<usize>() + size_of_val(&builder.masses[..]) + of_springs;
+            assert!(total > 30 * 3000 && total < bytes as usize, "{total} {bytes}");
+            let spring = builder.springs[0];
+            assert_eq!((builder.masses[1], spring.stiffness, spring.rest_length), (2.0, 3.0, 1.0));
         }
     }
 
-    /// What there is none of needs no parameters; what there is does.
     #[test]
-    fn parameters_are_required_of_what_there_is() {
-        let nothing = Scene::default().builder().unwrap();
-        assert!(nothing.positions.is_empty() && nothing.springs.is_empty());
+    fn parameters_are_required_where_there_are_items() {
+        let empty = Scene::default().builder().unwrap();
+        assert!(empty.positions.is_empty() && empty.springs.is_empty());
         let without = |change: &dyn Fn(&mut Scene)| {
             let mut scene = scene(3, 2);
             change(&mut scene);

@@ -1,23 +1,20 @@
 //! Meshes from files: Wavefront OBJ, PLY, STL, VTK (legacy and XML) and Gmsh MSH.
 //!
-//! A format is recognised by the contents of a file, never by its name. Only what becomes particles and springs is read: vertices, and the edges
-//! of lines, faces and solid elements. The readers are our own: those that there are give single precision, no lines for errors, or break
-//! off the program on files that are cut short.
+//! A format is recognised by the contents of a file, never by its name. Only vertices and the edges of lines, faces and solid elements
+//! are read. Existing readers have single precision, no lines for errors, or panic on truncated files.
 
 mod cursor;
 mod msh;
-mod obj;
-mod ply;
-mod raw;
-mod stl;
+mod surface;
 mod vtk;
 mod vtu;
-mod weld;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Invalid, Result};
 use crate::memory;
 use nalgebra::Vector3;
-use raw::{Fault, Raw};
+use rstar::RTree;
+use rstar::primitives::GeomWithData;
+use std::collections::HashSet;
 use std::path::Path;
 
 /// The geometry of a mesh.
@@ -29,80 +26,269 @@ pub struct MeshGeometry {
     pub edges: Vec<[u32; 2]>,
     /// The faces, a polygon as a fan of triangles around its first corner.
     pub triangles: Vec<[u32; 3]>,
-    /// Lines for people: what was left out of the file, or joined.
+    /// Notes for the user: omitted faces, joined vertices.
     pub notes: Vec<String>,
-    /// Where in the file each edge comes from; empty where there is no file.
+    /// The place in the file of each edge; empty where there is no file.
     places: Vec<u32>,
-    /// What places are counted in, and the number that the file's first vertex has there.
+    /// The unit of places, and the file's number of its first vertex.
     unit: &'static str,
     first: u32,
 }
-
-/// Bytes that reading holds at most for a byte of a file.
-const BYTES: u64 = 30;
 
 impl MeshGeometry {
     /// Reads the vertices and edges of a mesh file, whatever its format.
     ///
     /// # Errors
-    /// [`Error::Io`] for an unreadable file, [`Error::Format`] with the line or the element for one that is broken, empty or none of the formats,
-    /// [`Error::Invalid`] for a vertex that is not finite.
+    /// [`Error::Io`] for an unreadable file, [`Error::Format`] with the line or the element for one that is broken, empty or none of the
+    /// formats, [`Error::Invalid`] for a vertex that is not finite.
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = std::fs::metadata(path).map_or(0, |file| file.len());
-        memory::ensure(bytes.saturating_mul(BYTES), "the mesh")?;
+        // Parsing holds at most 30 bytes for a byte of the file.
+        memory::ensure(bytes.saturating_mul(30), "the mesh")?;
         let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
         Self::from_bytes(&bytes, path)
     }
 
     /// As [`load`](Self::load), from the bytes of a file; errors call it by `path`.
-    ///
-    /// # Errors
-    /// As for [`load`](Self::load).
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self> {
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         let raw = read(bytes).map_err(|Fault(message)| Error::Format { file: path.into(), message })?;
         raw.finish(path)
     }
 
-    /// Positions and pairs that are no mesh's.
+    /// Positions and pairs of a scene without a mesh.
     pub(super) fn of_lists(vertices: Vec<Vector3<f64>>, edges: Vec<[u32; 2]>) -> Self {
         Self { vertices, edges, ..Self::default() }
     }
 
-    /// Where an edge comes from and which vertices of the file it joins, for a message.
+    /// The place of an edge in the file and the vertices it joins, for a message.
     pub(super) fn place(&self, edge: usize) -> String {
-        let [i, j] =
-            self.edges.get(edge).copied().unwrap_or_default().map(|vertex| u64::from(vertex) + u64::from(self.first));
+        let ends = self.edges.get(edge).copied().unwrap_or_default();
+        let [i, j] = ends.map(|vertex| u64::from(vertex) + u64::from(self.first));
         let place = self.places.get(edge).copied().unwrap_or_default();
         format!("{} {place}: an edge joins vertices {i} and {j}", self.unit)
     }
+
+    /// Joins vertices that are no farther apart than `distance`, directly or through others; the first of them stays. Edges and
+    /// triangles between joined vertices vanish.
+    pub(super) fn weld(&mut self, distance: f64) {
+        let points = self.vertices.iter().zip(0u32..);
+        let tree =
+            RTree::bulk_load(points.map(|(&x, vertex)| GeomWithData::new(<[f64; 3]>::from(x), vertex)).collect());
+        let mut sets = Sets::new(self.vertices.len());
+        for (vertex, &x) in (0u32..).zip(&self.vertices) {
+            // Later vertices find this one.
+            let near = tree.locate_within_distance(x.into(), distance * distance);
+            near.filter(|other| other.data < vertex).for_each(|other| sets.join(vertex, other.data));
+        }
+        let mut numbers = vec![0; self.vertices.len()];
+        let mut welded = Vec::new();
+        for (vertex, x) in self.vertices.iter().enumerate() {
+            let first = sets.first(vertex as u32) as usize;
+            if first == vertex {
+                numbers[vertex] = welded.len() as u32;
+                welded.push(*x);
+            } else {
+                numbers[vertex] = numbers[first];
+            }
+        }
+        if welded.len() == self.vertices.len() {
+            return;
+        }
+        self.notes.push(format!("mesh.weld joins {} vertices to {}", self.vertices.len(), welded.len()));
+        self.vertices = welded;
+        let renumbered = |edge: [u32; 2]| {
+            let [i, j] = edge.map(|vertex| numbers[vertex as usize]);
+            [i.min(j), i.max(j)]
+        };
+        let edges = self.edges.iter().map(|edge| renumbered(*edge)).zip(self.places.iter().copied());
+        (self.edges, self.places) = unique(edges.filter(|([i, j], _)| i != j).collect());
+        self.triangles.iter_mut().flatten().for_each(|vertex| *vertex = numbers[*vertex as usize]);
+        self.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+    }
+
+    /// Adds notes on loose parts, coincident and unused vertices. Numbers of vertices are those of the mesh, from 0.
+    pub(super) fn add_notes(&mut self) {
+        let count = self.vertices.len();
+        let mut sets = Sets::new(count);
+        let mut is_used = vec![false; count];
+        for &[i, j] in &self.edges {
+            sets.join(i, j);
+            (is_used[i as usize], is_used[j as usize]) = (true, true);
+        }
+        let is_part = |&vertex: &u32| is_used[vertex as usize] && sets.first(vertex) == vertex;
+        let parts = (0..count as u32).filter(is_part).count();
+        if parts > 1 {
+            self.notes.push(format!("the mesh is {parts} loose parts, which no edge joins"));
+        }
+        let mut places = HashSet::with_capacity(count);
+        let coincident = self.vertices.iter().filter(|&&x| !places.insert(place_key(x.into()))).count();
+        if coincident > 0 {
+            let vertices = if coincident == 1 { "1 vertex lies".into() } else { format!("{coincident} vertices lie") };
+            self.notes.push(format!("{vertices} where another does; mesh.weld = 0 joins them"));
+        }
+        let unused: Vec<usize> = (0..count).filter(|&vertex| !is_used[vertex]).collect();
+        match unused[..] {
+            [] => {}
+            [vertex] => self.notes.push(format!("vertex {vertex} is in no edge: it moves on its own")),
+            [first, ..] => self.notes.push(format!(
+                "{} vertices are in no edge (the first is {first}): they move on their own",
+                unused.len()
+            )),
+        }
+    }
 }
 
-/// Reads a mesh in the format that its bytes are in.
+/// The bits of a place, with one zero.
+fn place_key(x: [f64; 3]) -> [u64; 3] {
+    x.map(|c| (c + 0.0).to_bits())
+}
+
+/// Edges sorted, each once, at its first place.
+fn unique(mut edges: Vec<([u32; 2], u32)>) -> (Vec<[u32; 2]>, Vec<u32>) {
+    edges.sort_unstable();
+    edges.dedup_by_key(|(edge, _)| *edge);
+    edges.into_iter().unzip()
+}
+
+/// Disjoint sets of vertices, each known by its first.
+struct Sets(Vec<u32>);
+
+impl Sets {
+    fn new(count: usize) -> Self {
+        Self((0..count as u32).collect())
+    }
+
+    fn first(&mut self, mut vertex: u32) -> u32 {
+        while self.0[vertex as usize] != vertex {
+            let above = self.0[self.0[vertex as usize] as usize];
+            self.0[vertex as usize] = above;
+            vertex = above;
+        }
+        vertex
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let [a, b] = [self.first(a), self.first(b)];
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+}
+
+/// Reads a mesh in the format of its bytes.
 fn read(bytes: &[u8]) -> Result<Raw, Fault> {
     let text = bytes.trim_ascii_start();
+    let starts = |word: &str| text.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word.as_bytes()));
     if text.is_empty() {
-        return Err(Fault("is empty".into()));
+        Err(Fault("is empty".into()))
+    } else if surface::is_binary_stl(bytes) {
+        surface::read_binary_stl(bytes)
+    } else if bytes.starts_with(b"ply") && bytes.get(3).is_some_and(u8::is_ascii_whitespace) {
+        surface::read_ply(bytes)
+    } else if starts("# vtk DataFile") {
+        vtk::read(bytes)
+    } else if starts("$") {
+        msh::read(bytes)
+    } else if starts("<") {
+        vtu::read(bytes)
+    } else if starts("solid") {
+        surface::read_text_stl(bytes)
+    } else {
+        surface::read_obj(bytes)
     }
-    if stl::is_binary(bytes) {
-        return stl::read_binary(bytes);
+}
+
+/// An error in a file, without its name.
+struct Fault(String);
+
+/// Vertices and edges as a file has them.
+struct Raw {
+    /// The unit of places, and the file's number of its first vertex.
+    unit: &'static str,
+    first: u32,
+    vertices: Vec<Vector3<f64>>,
+    edges: Vec<([u32; 2], u32)>,
+    triangles: Vec<[u32; 3]>,
+    /// Faces that name a vertex twice: their number, and the place of the first.
+    repeated: Option<(usize, u32)>,
+}
+
+impl Raw {
+    fn new(unit: &'static str, first: u32) -> Self {
+        let (vertices, edges, triangles) = (Vec::new(), Vec::new(), Vec::new());
+        Self { unit, first, vertices, edges, triangles, repeated: None }
     }
-    if bytes.starts_with(b"ply") && bytes.get(3).is_some_and(u8::is_ascii_whitespace) {
-        return ply::read(bytes);
+
+    fn add_vertex(&mut self, x: [f64; 3]) {
+        self.vertices.push(x.into());
     }
-    if text.get(..14).is_some_and(|start| start.eq_ignore_ascii_case(b"# vtk DataFile")) {
-        return vtk::read(bytes);
+
+    /// Adds vertices from a list of coordinates.
+    fn add_vertices(&mut self, coordinates: &[f64]) {
+        coordinates.as_chunks().0.iter().for_each(|&x| self.add_vertex(x));
     }
-    if text.starts_with(b"$") {
-        return msh::read(bytes);
+
+    /// Adds the segments of a line, without those from a vertex to itself.
+    fn add_line(&mut self, corners: &[u32], place: u32) {
+        corners.windows(2).for_each(|ends| self.add_edge([ends[0], ends[1]], place));
     }
-    if text.starts_with(b"<") {
-        return vtu::read(bytes);
+
+    /// Adds a face; one that names a vertex twice is counted instead.
+    fn add_face(&mut self, corners: &[u32], place: u32) {
+        let [first, rest @ ..] = corners else { return };
+        let mut sorted = corners.to_vec();
+        sorted.sort_unstable();
+        if sorted.windows(2).any(|two| two[0] == two[1]) {
+            let (count, place) = self.repeated.unwrap_or((0, place));
+            self.repeated = Some((count + 1, place));
+            return;
+        }
+        self.add_line(corners, place);
+        self.add_edge([*first, rest.last().copied().unwrap_or(*first)], place);
+        self.triangles.extend(rest.windows(2).map(|side| [*first, side[0], side[1]]));
     }
-    if text.get(..5).is_some_and(|start| start.eq_ignore_ascii_case(b"solid")) {
-        return stl::read_text(bytes);
+
+    /// Adds the triangles of a strip.
+    fn add_strip(&mut self, corners: &[u32], place: u32) {
+        corners.windows(3).for_each(|corners| self.add_face(corners, place));
     }
-    obj::read(bytes)
+
+    /// Adds the edges of a solid element, without collapsed ones.
+    fn add_solid(&mut self, corners: &[u32], edges: &[[usize; 2]], place: u32) {
+        for ends in edges {
+            if let [Some(i), Some(j)] = ends.map(|end| corners.get(end)) {
+                self.add_edge([*i, *j], place);
+            }
+        }
+    }
+
+    fn add_edge(&mut self, [i, j]: [u32; 2], place: u32) {
+        if i != j {
+            self.edges.push(([i.min(j), i.max(j)], place));
+        }
+    }
+
+    /// Checks the collected parts, and counts every edge once.
+    fn finish(self, path: &Path) -> Result<MeshGeometry> {
+        let Self { unit, first, vertices, edges, triangles, repeated } = self;
+        let reject = |message: String| Err(Error::Format { file: path.into(), message });
+        if vertices.is_empty() {
+            return reject("has no vertices".into());
+        }
+        if let Some((index, vertex)) = vertices.iter().enumerate().find(|(_, x)| x.iter().any(|c| !c.is_finite())) {
+            let invalid = Invalid::new("v", format!("{:?}", vertex.as_slice()), "must be finite").at(index);
+            return Err(Error::from(invalid).in_file(path));
+        }
+        if let Some(([_, vertex], place)) = edges.iter().find(|([_, last], _)| *last as usize >= vertices.len()) {
+            let (number, last) = (u64::from(*vertex) + u64::from(first), vertices.len() as u64 + u64::from(first) - 1);
+            return reject(format!("{unit} {place}: names vertex {number}, and the last is {last}"));
+        }
+        let omitted = repeated.map(|(count, place)| {
+            let faces = if count == 1 { "1 face that names".into() } else { format!("{count} faces that name") };
+            format!("{}: {faces} a vertex twice left out ({unit} {place})", path.display())
+        });
+        let (edges, places) = unique(edges);
+        Ok(MeshGeometry { vertices, edges, triangles, notes: omitted.into_iter().collect(), places, unit, first })
+    }
 }
 
 #[cfg(test)]

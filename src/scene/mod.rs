@@ -1,8 +1,9 @@
 //! Scene files, meshes and ready scenes: from a description to a [`System`](crate::System) and its
 //! [`State`](crate::State), and back.
 //!
-//! A [`Scene`] is what a scene file says, TOML, JSON or [NumPy arrays](Scene::write_npz): [`Scene::load`] reads one, [`Scene::build`] checks every
-//! value and builds the system, [`Scene::to_toml`], [`Scene::to_json`] and [`Scene::write_npz`] write it, to the bit.
+//! A [`Scene`] holds the contents of a scene file, TOML, JSON or [NumPy arrays](Scene::write_npz): [`Scene::load`] reads one,
+//! [`Scene::build`] checks every value and builds the system, [`Scene::to_toml`], [`Scene::to_json`] and [`Scene::write_npz`] write it,
+//! to the bit.
 //!
 //! ```
 //! use sprung::scene::Scene;
@@ -28,26 +29,23 @@
 
 mod build;
 pub mod builtin;
-mod entries;
 mod load;
 mod mesh;
 mod npz;
-mod read;
-mod row;
 mod schema;
 mod snapshot;
 mod values;
-mod words;
 mod write;
 
 pub use build::Built;
 pub use builtin::{Kind, builtin, refined};
-pub use entries::{ActuationEntry, Drag, FactorPath, Flags, ForceEntry, Gravity, GravityPath};
 #[cfg(feature = "report")]
 pub(crate) use load::json_table;
 pub use mesh::MeshGeometry;
 #[cfg(feature = "report")]
 pub(crate) use npz::NpzWriter;
-pub use row::Row;
-pub use schema::{AxisName, ConstraintEntry, Mesh, Particles, Path, Scene, Springs, TimeSettings};
-pub use values::Values;
+pub use schema::{
+    ActuationEntry, AxisName, ConstraintEntry, Drag, FactorPath, ForceEntry, Gravity, GravityPath, Mesh, Particles,
+    Path, Scene, Springs, TimeSettings,
+};
+pub use values::{Flags, PerItem, Row, Values};

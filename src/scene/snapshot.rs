@@ -9,11 +9,10 @@ use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
 impl Scene {
-    /// A scene that starts at `state` and goes on as the system would, its time counted from that state's.
+    /// A scene that starts at `state` and continues the system's motion, with time counted from that state's.
     ///
-    /// Everything is kept to the bit except that a velocity or path that has been under way is rounded anew: its
-    /// positions agree to a few units in the last place. A state that is not finite, or in which the ends of a spring
-    /// coincide, gives a scene that [`build`](Self::build) rejects.
+    /// Everything is kept to the bit, except that the positions of prescribed motions after the start agree to a few units in the last
+    /// place. A state that is not finite, or in which the ends of a spring coincide, gives a scene that [`build`](Self::build) rejects.
     pub fn snapshot(name: &str, system: &System, state: &State) -> Self {
         let dimension = system.dimension();
         let row = |v: &Vector3<f64>| Row::of(v, dimension);
@@ -30,10 +29,8 @@ impl Scene {
                 }
             }
             for (motion, axes) in axes {
-                groups
-                    .entry((motion, axes))
-                    .or_default()
-                    .extend(of_particle.first().map(|(dof, ..)| dof.particle as u32));
+                let particle = of_particle.first().map(|(dof, ..)| dof.particle as u32);
+                groups.entry((motion, axes)).or_default().extend(particle);
             }
         }
         let entry = |((motion, axes), particles): ((usize, [bool; 3]), Vec<u32>)| {
@@ -42,7 +39,11 @@ impl Scene {
             let (velocity, path) = match &motions[motion] {
                 Motion::Held => (None, None),
                 Motion::Velocity(v) => (Some(row(v)), None),
-                Motion::Path { times, offsets } => (None, Some(Path::from_time(times, offsets, state.time, dimension))),
+                Motion::Path { times, offsets } => {
+                    let path = Curve { times: times.clone(), values: offsets.clone() };
+                    let Curve { times, values } = path.after(state.time);
+                    (None, Some(Path { times, offsets: values.iter().map(row).collect() }))
+                }
             };
             ConstraintEntry { particles, axes, velocity, path }
         };
@@ -56,7 +57,7 @@ impl Scene {
                 Gravity::Path(GravityPath { times, values: values.iter().map(row).collect() })
             }
         };
-        // As many entries as there are different loads.
+        // One entry for every distinct load.
         let mut forces = BTreeMap::<[u64; 3], Vec<u32>>::new();
         for (particle, force) in (0u32..).zip(&loads.forces).filter(|(_, force)| **force != Vector3::zeros()) {
             forces.entry(<[f64; 3]>::from(*force).map(f64::to_bits)).or_default().push(particle);
@@ -100,23 +101,14 @@ impl Scene {
     }
 }
 
-impl Path {
-    /// The rest of a path from time t on, with t as time zero.
-    fn from_time(times: &[f64], offsets: &[Vector3<f64>], t: f64, dimension: usize) -> Self {
-        let path = Curve { times: times.to_vec(), values: offsets.to_vec() };
-        let Curve { times, values } = path.after(t);
-        Self { times, offsets: values.iter().map(|offset| Row::of(offset, dimension)).collect() }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::system::{Constraint, SystemBuilder};
 
-    /// In a plane, at 2.5 s: a particle that is held, one on a path along x that has its second segment from 2 s to 4 s, a free one.
+    /// In a plane, at 2.5 s: a held particle, one on a path along x whose second segment lasts from 2 s to 4 s, a free one.
     #[test]
-    fn motions_go_on_from_the_time_of_the_state() {
+    fn motions_continue_from_the_time_of_the_state() {
         let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
         for x in [0.0, 1.0, 5.0] {
             builder.particle([x, 0.0, 0.0], 3.0);
@@ -133,7 +125,7 @@ mod tests {
         state.prescribe(&system);
         let scene = Scene::snapshot("moving", &system, &state);
         let rows = |rows: &[Row]| rows.iter().map(|row| row.as_slice().to_vec()).collect::<Vec<_>>();
-        // Along a path places are those that its offsets are added to.
+        // Along a path the positions are those that its offsets are added to.
         assert_eq!(rows(&scene.particles.positions), [[0.0, 0.0], [1.0, 0.0], [5.0, 0.0]]);
         assert_eq!(rows(&scene.particles.velocities.unwrap()), [[0.0, 0.0], [2.0, 0.0], [0.0, 0.0]]);
         assert_eq!(scene.particles.masses, Some(Values::Each(vec![3.0, 3.0, 4.0])));
@@ -144,20 +136,10 @@ mod tests {
         assert_eq!((&path.times[..], rows(&path.offsets)), (&[-0.5, 1.5][..], vec![vec![3.0, 0.0], vec![7.0, 0.0]]));
     }
 
-    /// 1001 and the number after it that differs by less than its rounding are one time.
+    /// Times that round to one after the shift are one: 1001 and the number after it.
     #[test]
-    fn times_that_fall_together_are_one() {
-        let offsets = [1.0, 2.0, 3.0].map(|x| Vector3::new(x, 0.0, 0.0));
-        let path = Path::from_time(&[1.0, 1.0_f64.next_up(), 2.0], &offsets, -1000.0, 1);
-        assert_eq!(path.times, [1001.0, 1002.0]);
-        assert_eq!(path.offsets.iter().map(|row| row.as_slice()[0]).collect::<Vec<_>>(), [1.0, 3.0]);
-    }
-
-    #[test]
-    fn a_number_stands_for_all_that_are_the_same_to_the_bit() {
-        assert_eq!(Values::collect([2.0, 2.0]), Values::Uniform(2.0));
-        assert_eq!(Values::collect([2.0, 3.0]), Values::Each(vec![2.0, 3.0]));
-        assert!(matches!(Values::collect([0.0, -0.0]), Values::Each(_)));
-        assert_eq!(Values::collect([]), Values::Each(vec![]));
+    fn times_that_coincide_are_merged() {
+        let path = Curve { times: vec![1.0, 1.0_f64.next_up(), 2.0], values: vec![1.0, 2.0, 3.0] }.after(-1000.0);
+        assert_eq!((path.times, path.values), (vec![1001.0, 1002.0], vec![1.0, 3.0]));
     }
 }

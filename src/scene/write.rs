@@ -1,6 +1,6 @@
-//! Writing a [`Scene`]: commented TOML to read and edit, compact JSON for programs. Numbers read back to the bit.
+//! Writing a [`Scene`]: commented TOML for people, compact JSON for programs. Numbers read back to the bit.
 
-use super::{ActuationEntry, ConstraintEntry, Flags, ForceEntry, Gravity, Row, Scene, Values};
+use super::{Flags, Gravity, Row, Scene, Values};
 use std::iter::Peekable;
 use toml_writer::ToTomlValue;
 
@@ -18,39 +18,39 @@ impl Scene {
     pub fn to_toml(&self) -> String {
         let mut toml = Toml(String::new());
         toml.comment("Scene of sprung. SI units; particles and springs are numbered from 0.");
-        toml.text("name", &self.name);
+        toml.line("name", Some(self.name.to_toml_value()), "");
         match &self.gravity {
-            Some(Gravity::Constant(gravity)) => toml.line("gravity", &row(gravity), "m/s²"),
+            Some(Gravity::Constant(gravity)) => toml.line("gravity", Some(row(gravity)), "m/s²"),
             Some(Gravity::Path(path)) => {
-                toml.list("gravity.times", path.times.iter().copied().map(number), "s");
+                toml.numbers("gravity.times", &path.times, "s");
                 toml.list("gravity.values", path.values.iter().map(row), "m/s², linear in between");
             }
             None => {}
         }
-        self.write_mesh(&mut toml);
+        if let Some(mesh) = &self.mesh {
+            toml.header("[mesh]", "vertices become particles, each edge once becomes a spring");
+            toml.line("file", Some(mesh.file.to_toml_value()), "");
+            toml.line("scale", mesh.scale.map(number), "m per unit of the mesh");
+            toml.line("weld", mesh.weld.map(number), "m: nearer vertices are one");
+        }
         self.write_particles(&mut toml);
         self.write_springs(&mut toml);
-        self.constraints.iter().for_each(|entry| write_constraint(&mut toml, entry));
-        self.forces.iter().for_each(|entry| write_force(&mut toml, entry));
+        self.write_constraints(&mut toml);
+        for entry in &self.forces {
+            toml.header("[[forces]]", "a constant load on each of some particles");
+            toml.list("particles", entry.particles.iter().map(u32::to_string), "");
+            toml.line("value", Some(row(&entry.value)), "N");
+        }
         if let Some(drag) = &self.drag {
             toml.header("[drag]", "-c v on every particle");
             toml.values("coefficient", Some(&drag.coefficient), "c in N·s/m");
         }
-        self.write_time(&mut toml);
-        toml.0
-    }
-
-    fn write_mesh(&self, toml: &mut Toml) {
-        if let Some(mesh) = &self.mesh {
-            toml.header("[mesh]", "vertices become particles, each edge once becomes a spring");
-            toml.text("file", &mesh.file);
-            if let Some(scale) = mesh.scale {
-                toml.line("scale", &number(scale), "m per unit of the mesh");
-            }
-            if let Some(weld) = mesh.weld {
-                toml.line("weld", &number(weld), "m: nearer vertices are one");
-            }
+        if !self.time.is_empty() {
+            toml.header("[time]", "");
+            toml.line("dt", self.time.dt.map(number), "s");
+            toml.line("duration", self.time.duration.map(number), "s");
         }
+        toml.0
     }
 
     fn write_particles(&self, toml: &mut Toml) {
@@ -79,57 +79,42 @@ impl Scene {
         toml.values("damping", springs.damping.as_ref(), "b in N·s/m, along the spring");
         match &springs.tension_only {
             None => {}
-            Some(Flags::Uniform(flag)) => toml.line("tension_only", &flag.to_string(), "whether springs do not push"),
+            Some(Flags::Uniform(flag)) => {
+                toml.line("tension_only", Some(flag.to_string()), "whether springs do not push")
+            }
             Some(Flags::Each(flags)) => {
                 toml.list("tension_only", flags.iter().map(bool::to_string), "which springs do not push");
             }
         }
-        springs.actuation.iter().for_each(|entry| write_actuation(toml, entry));
-    }
-
-    fn write_time(&self, toml: &mut Toml) {
-        if self.time.is_empty() {
-            return;
-        }
-        toml.header("[time]", "");
-        if let Some(dt) = self.time.dt {
-            toml.line("dt", &number(dt), "s");
-        }
-        if let Some(duration) = self.time.duration {
-            toml.line("duration", &number(duration), "s");
+        for entry in &springs.actuation {
+            toml.header("[[springs.actuation]]", "rest lengths that change in time");
+            toml.list("springs", entry.springs.iter().map(u32::to_string), "");
+            toml.numbers("path.times", &entry.path.times, "s");
+            toml.numbers("path.factors", &entry.path.factors, "of the rest length, linear in between");
         }
     }
-}
 
-fn write_constraint(toml: &mut Toml, entry: &ConstraintEntry) {
-    toml.header("[[constraints]]", "prescribed coordinates");
-    toml.list("particles", entry.particles.iter().map(u32::to_string), "");
-    if let Some(axes) = &entry.axes {
-        toml.list("axes", axes.iter().map(|axis| format!("{:?}", axis.letter())), "");
+    fn write_constraints(&self, toml: &mut Toml) {
+        for entry in &self.constraints {
+            toml.header("[[constraints]]", "prescribed coordinates");
+            toml.list("particles", entry.particles.iter().map(u32::to_string), "");
+            if let Some(axes) = &entry.axes {
+                toml.list("axes", axes.iter().map(|axis| format!("{:?}", axis.letter())), "");
+            }
+            toml.line("velocity", entry.velocity.as_ref().map(row), "m/s: x(t) = x(0) + t·velocity");
+            if let Some(path) = &entry.path {
+                toml.numbers("path.times", &path.times, "s");
+                toml.list(
+                    "path.offsets",
+                    path.offsets.iter().map(row),
+                    "m: x(t) = x(0) + offset(t), linear in between",
+                );
+            }
+            if entry.velocity.is_none() && entry.path.is_none() {
+                toml.comment("no motion: held where they are");
+            }
+        }
     }
-    if let Some(velocity) = &entry.velocity {
-        toml.line("velocity", &row(velocity), "m/s: x(t) = x(0) + t·velocity");
-    }
-    if let Some(path) = &entry.path {
-        toml.list("path.times", path.times.iter().copied().map(number), "s");
-        toml.list("path.offsets", path.offsets.iter().map(row), "m: x(t) = x(0) + offset(t), linear in between");
-    }
-    if entry.velocity.is_none() && entry.path.is_none() {
-        toml.comment("no motion: held where they are");
-    }
-}
-
-fn write_force(toml: &mut Toml, entry: &ForceEntry) {
-    toml.header("[[forces]]", "a constant load on each of some particles");
-    toml.list("particles", entry.particles.iter().map(u32::to_string), "");
-    toml.line("value", &row(&entry.value), "N");
-}
-
-fn write_actuation(toml: &mut Toml, entry: &ActuationEntry) {
-    toml.header("[[springs.actuation]]", "rest lengths that change in time");
-    toml.list("springs", entry.springs.iter().map(u32::to_string), "");
-    toml.list("path.times", entry.path.times.iter().copied().map(number), "s");
-    toml.list("path.factors", entry.path.factors.iter().copied().map(number), "of the rest length, linear in between");
 }
 
 fn number(value: f64) -> String {
@@ -149,50 +134,41 @@ impl Toml {
     }
 
     fn header(&mut self, header: &str, comment: &str) {
-        self.0.push('\n');
-        self.0.push_str(header);
-        self.end(comment);
+        self.0.push_str(&format!("\n{header}{}\n", trailing(comment)));
     }
 
-    fn text(&mut self, key: &str, value: &str) {
-        self.line(key, &value.to_toml_value(), "");
-    }
-
-    fn line(&mut self, key: &str, value: &str, comment: &str) {
-        self.0.push_str(&format!("{key} = {value}"));
-        self.end(comment);
-    }
-
-    fn end(&mut self, comment: &str) {
-        if !comment.is_empty() {
-            self.0.push_str("  # ");
-            self.0.push_str(comment);
+    /// A key with its value, if it has one.
+    fn line(&mut self, key: &str, value: Option<String>, comment: &str) {
+        if let Some(value) = value {
+            self.0.push_str(&format!("{key} = {value}{}\n", trailing(comment)));
         }
-        self.0.push('\n');
     }
 
     fn values(&mut self, key: &str, values: Option<&Values>, comment: &str) {
         match values {
             None => (),
-            Some(Values::Uniform(value)) => self.line(key, &number(*value), comment),
-            Some(Values::Each(values)) => self.list(key, values.iter().copied().map(number), comment),
+            Some(Values::Uniform(value)) => self.line(key, Some(number(*value)), comment),
+            Some(Values::Each(values)) => self.numbers(key, values, comment),
         }
+    }
+
+    fn numbers(&mut self, key: &str, values: &[f64], comment: &str) {
+        self.list(key, values.iter().copied().map(number), comment);
     }
 
     /// A list on one line where it fits, else filled lines under its comment.
     fn list(&mut self, key: &str, items: impl Iterator<Item = String>, comment: &str) {
         let mut items = items.peekable();
         let mut line = String::new();
-        // Beside the items ` = [`, `]` and `  # `.
-        fill(&mut line, &mut items, LINE.saturating_sub(key.len() + comment.chars().count() + 9));
+        // Besides the items the line has ` = [`, `]` and `  # `.
+        extend(&mut line, &mut items, LINE.saturating_sub(key.len() + comment.chars().count() + 9));
         if items.peek().is_none() {
-            return self.line(key, &format!("[{line}]"), comment);
+            return self.line(key, Some(format!("[{line}]")), comment);
         }
-        self.0.push_str(&format!("{key} = ["));
-        self.end(comment);
+        self.0.push_str(&format!("{key} = [{}\n", trailing(comment)));
         loop {
-            // Beside them two spaces and a comma.
-            fill(&mut line, &mut items, LINE - 3);
+            // Besides the items two spaces and a comma.
+            extend(&mut line, &mut items, LINE - 3);
             if line.is_empty() {
                 break;
             }
@@ -203,8 +179,12 @@ impl Toml {
     }
 }
 
-/// Takes items into a line as long as it has at most `room` characters, the first one in any case.
-fn fill<I: Iterator<Item = String>>(line: &mut String, items: &mut Peekable<I>, room: usize) {
+fn trailing(comment: &str) -> String {
+    if comment.is_empty() { String::new() } else { format!("  # {comment}") }
+}
+
+/// Adds items to a line of at most `room` characters, the first one in any case.
+fn extend<I: Iterator<Item = String>>(line: &mut String, items: &mut Peekable<I>, room: usize) {
     while let Some(item) = items.next_if(|item| line.is_empty() || line.len() + 2 + item.len() <= room) {
         if !line.is_empty() {
             line.push_str(", ");
@@ -226,29 +206,26 @@ mod tests {
 
     /// A line of 100 characters is as long as one may be: `key = [`, 84 of items, `]` and `  # kg m`.
     #[test]
-    fn lists_are_broken_where_they_would_be_too_long() {
+    fn long_lists_are_broken_into_lines() {
         let fits = list("kg m", &[40, 42]);
         assert_eq!((fits.lines().count(), fits.trim_end().len()), (1, LINE));
         assert_eq!(list("kg m", &[40, 43]), format!("key = [  # kg m\n  {}, {},\n]\n", "1".repeat(40), "1".repeat(43)));
-        // Two spaces, nine items of nine digits with what is between them, and a comma.
-        let filled = list("", &[9; 20]);
-        let lines: Vec<usize> = filled.lines().map(str::len).collect();
-        assert_eq!(lines, ["key = [".len(), LINE, LINE, 2 + 9 + 2 + 9 + 1, 1]);
-        // 33 digits with two characters between them are 97, and as many as go between two spaces and a comma.
-        let digits = list("", &[1; 40]);
-        assert_eq!(digits.lines().map(str::len).collect::<Vec<_>>(), ["key = [".len(), LINE, 2 + 3 * 7 - 2 + 1, 1]);
-        // What is longer than a line gets one of its own.
-        assert_eq!(list("", &[120, 1]).lines().map(str::len).collect::<Vec<_>>(), [7, 123, 4, 1]);
+        let lengths = |items: &[usize]| list("", items).lines().map(str::len).collect::<Vec<_>>();
+        // Nine items of nine digits fill a line.
+        assert_eq!(lengths(&[9; 20]), [7, LINE, LINE, 2 + 9 + 2 + 9 + 1, 1]);
+        // 33 digits and their separators are 97 characters, as many as fit between two spaces and a comma.
+        assert_eq!(lengths(&[1; 40]), [7, LINE, 2 + 3 * 7 - 2 + 1, 1]);
+        assert_eq!(lengths(&[120, 1]), [7, 123, 4, 1]);
         assert_eq!(list("none", &[]), "key = []  # none\n");
     }
 
     #[test]
-    fn what_does_not_move_is_said_to_be_held() {
+    fn coordinates_without_motion_are_marked_as_held() {
         let held = ConstraintEntry { particles: vec![0], axes: None, velocity: None, path: None };
         let moved = ConstraintEntry { velocity: Some([1.0].into()), ..held.clone() };
-        let led =
-            ConstraintEntry { path: Some(Path { times: vec![0.0], offsets: vec![[2.0].into()] }), ..held.clone() };
-        let text = Scene { constraints: vec![moved, held, led], ..Scene::default() }.to_toml();
+        let path = Path { times: vec![0.0], offsets: vec![[2.0].into()] };
+        let guided = ConstraintEntry { path: Some(path), ..held.clone() };
+        let text = Scene { constraints: vec![moved, held, guided], ..Scene::default() }.to_toml();
         assert_eq!(text.matches("# no motion: held").count(), 1, "{text}");
         assert!(!text.contains("[time]"), "{text}");
     }

@@ -1,15 +1,14 @@
-//! From a description in code or in a file to a checked [`System`] and its initial [`State`].
+//! Construction of a checked [`System`] and its initial [`State`].
 
-use super::curve::{check_length, check_times};
+use super::loads::{check_length, check_times};
 use super::{Axes, Constraint, DofMap, Motion, Prescribed, State, System, active_springs};
 use crate::error::{Invalid, Result};
 use crate::spring::{Extension, Spring};
 use nalgebra::Vector3;
 
-/// Description of a system, checked by [`build`](Self::build).
+/// A description of a system, checked by [`build`](Self::build).
 ///
-/// The fields are public so that large descriptions can be moved in whole; the methods are for writing one by hand.
-/// Keys in error messages are those of the scene format.
+/// The fields are public so that large lists can be moved in. Keys in error messages are those of the scene format.
 ///
 /// # Examples
 /// ```
@@ -32,9 +31,9 @@ use nalgebra::Vector3;
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct SystemBuilder {
-    /// Modelled axes: 1, 2 or 3. The components of all vectors beyond it are ignored and must be zero.
+    /// The number of modelled axes: 1, 2 or 3. All vectors must be zero along the others.
     pub dimension: usize,
-    /// Acceleration, in m/s².
+    /// The gravitational acceleration, in m/s².
     pub gravity: Vector3<f64>,
     /// x(0), in m.
     pub positions: Vec<Vector3<f64>>,
@@ -42,9 +41,9 @@ pub struct SystemBuilder {
     pub velocities: Vec<Vector3<f64>>,
     /// Masses, in kg; as many as positions.
     pub masses: Vec<f64>,
-    /// End points of every spring.
+    /// The end points of every spring.
     pub pairs: Vec<[u32; 2]>,
-    /// Parameters of every spring; as many as pairs.
+    /// The parameters of every spring; as many as pairs.
     pub springs: Vec<Spring>,
     /// Prescribed coordinates; later entries override earlier ones.
     pub constraints: Vec<Constraint>,
@@ -87,7 +86,7 @@ impl SystemBuilder {
 
     /// Joins two particles by a spring; returns its index.
     pub fn spring(&mut self, i: usize, j: usize, spring: Spring) -> usize {
-        // An index beyond u32 cannot name a particle; u32::MAX makes `build` reject it as out of range.
+        // `build` rejects u32::MAX as out of range.
         self.pairs.push([i, j].map(|p| u32::try_from(p).unwrap_or(u32::MAX)));
         self.springs.push(spring);
         self.springs.len() - 1
@@ -99,13 +98,13 @@ impl SystemBuilder {
         self
     }
 
-    /// Holds a particle where it is.
+    /// Holds a particle at its position.
     pub fn hold(&mut self, particle: usize) -> &mut Self {
         self.constrain(Constraint::hold([particle]))
     }
 
-    /// Checks everything and builds the system and its state at time zero. Prescribed coordinates start where
-    /// their motion has them at time zero, with the motion's velocity.
+    /// Checks all values and returns the system and its state at time zero. Prescribed coordinates have the position and velocity of their
+    /// motion.
     ///
     /// # Errors
     /// [`Invalid`] for the first value that breaks a rule of the scene format, with its key and index.
@@ -131,8 +130,8 @@ impl SystemBuilder {
             has_special_springs,
             loads: Default::default(),
             external: Vec::new(),
-            shares: Default::default(),
-            part: None,
+            partitions: Default::default(),
+            subdomain: None,
         };
         let mut state = State { time: 0.0, positions: self.positions, velocities: self.velocities };
         state.prescribe(&system);
@@ -156,11 +155,8 @@ impl SystemBuilder {
         check_length("particles.velocities", self.velocities.len(), n, "particles")?;
         check_length("particles.masses", self.masses.len(), n, "particles")?;
         self.check_vector("gravity", None, &self.gravity)?;
-        for (i, x) in self.positions.iter().enumerate() {
-            self.check_vector("particles.positions", Some(i), x)?;
-        }
-        for (i, v) in self.velocities.iter().enumerate() {
-            self.check_vector("particles.velocities", Some(i), v)?;
+        for (key, list) in [("particles.positions", &self.positions), ("particles.velocities", &self.velocities)] {
+            list.iter().enumerate().try_for_each(|(i, vector)| self.check_vector(key, Some(i), vector))?;
         }
         self.masses.iter().enumerate().try_for_each(|(i, &m)| check_positive("particles.masses", i, m))
     }
@@ -214,7 +210,7 @@ impl SystemBuilder {
         }
     }
 
-    /// Finite, not beyond what states may have, and zero beyond the scene's dimension.
+    /// An error unless a vector is finite, within the range of states, and zero along axes that are not modelled.
     fn check_vector(&self, key: &str, index: Option<usize>, v: &Vector3<f64>) -> Result<(), Invalid> {
         let rule = if v.iter().any(|c| !c.is_finite()) {
             "must be finite"
@@ -230,7 +226,7 @@ impl SystemBuilder {
     }
 }
 
-/// Rows are numbered in u32 (as in the sparse matrices), three to a particle.
+/// Rows have 32-bit numbers, up to three for each particle.
 fn check_count(particles: usize) -> Result<(), Invalid> {
     if particles > u32::MAX as usize / 3 {
         return Err(Invalid::new("particles.positions", particles, "more particles than can be numbered"));
@@ -238,7 +234,7 @@ fn check_count(particles: usize) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// A particle and an offset may each be at most so far away, and their sum too.
+/// The sum of a start and its offset must be within the range of states.
 fn check_prescribed(system: &System, state: &State) -> Result<(), Invalid> {
     for (dof, _, motion) in system.prescribed.iter() {
         let at = state.positions[dof.particle][dof.axis];
@@ -250,7 +246,7 @@ fn check_prescribed(system: &System, state: &State) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// What everything has at the start, or changes by in a moment, must be a number, and their sum too.
+/// The initial energies and their sum must not overflow.
 fn check_energies(system: &System, state: &State) -> Result<(), Invalid> {
     let rule = "makes an energy beyond the largest number";
     let mut total = 0.0;
@@ -270,7 +266,7 @@ fn check_energies(system: &System, state: &State) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// The parameters of one spring.
+/// An error unless the parameters of a spring are valid.
 pub(super) fn check_spring(number: usize, spring: &Spring) -> Result<(), Invalid> {
     check_positive("springs.stiffness", number, spring.stiffness)?;
     for (key, value) in [("springs.rest_lengths", spring.rest_length), ("springs.damping", spring.damping)] {
@@ -289,4 +285,138 @@ fn check_positive(key: &str, index: usize, value: f64) -> Result<(), Invalid> {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::{State, SystemBuilder, check_count};
+    use crate::spring::Spring;
+    use crate::system::{Axes, Constraint, Motion};
+    use nalgebra::Vector3;
+
+    #[test]
+    fn particles_and_springs_are_numbered_in_order() {
+        let mut builder = SystemBuilder::new();
+        assert_eq!([0.0, 1.0, 2.0].map(|x| builder.particle([x, 0.0, 0.0], 1.0)), [0, 1, 2]);
+        let spring = Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 };
+        assert_eq!([0, 1].map(|i| builder.spring(i, i + 1, spring)), [0, 1]);
+    }
+
+    /// 2³² − 1 = 3 · 1 431 655 765.
+    #[test]
+    fn three_rows_of_every_particle_can_be_numbered() {
+        assert!(check_count(1_431_655_765).is_ok());
+        assert!(check_count(1_431_655_766).is_err() && check_count(usize::MAX).is_err());
+    }
+
+    /// The error for a particle at x₀ = 0 on a path.
+    fn on_path(times: &[f64], offsets: &[f64]) -> Option<String> {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        let offsets = offsets.iter().map(|&x| Vector3::new(x, 0.0, 0.0)).collect();
+        let motion = Motion::Path { times: times.to_vec(), offsets };
+        builder.constrain(Constraint { particles: vec![0], axes: Axes::of(&[0]), motion });
+        builder.build().err().map(|error| error.to_string())
+    }
+
+    /// The speed of a segment is the difference of its offsets over that of its times: 10¹⁵⁵ m/s is too much, 10¹⁴⁵ is not.
+    #[test]
+    fn paths_are_slower_than_the_largest_velocity() {
+        let soon = 1.0 + 2.0_f64.powi(-34);
+        assert_eq!(on_path(&[1.0, soon], &[0.0, 1e135]), None);
+        let message = on_path(&[1.0, soon], &[0.0, 1e145]).unwrap();
+        assert!(message.starts_with("constraints[0].path.times[1]") && message.ends_with("entry before"), "{message}");
+        assert!(on_path(&[1.0, soon], &[1e145, 0.0]).is_some());
+        assert_eq!(on_path(&[1.0, soon], &[1e149, 1e149]), None);
+        assert_eq!(on_path(&[0.0], &[State::LARGEST]), None);
+    }
+
+    #[test]
+    fn starts_are_within_what_states_may_have() {
+        let build = |x: f64, offset: f64| {
+            let mut builder = SystemBuilder::new();
+            builder.particle([x, 0.0, 0.0], 1.0);
+            let motion = Motion::Path { times: vec![0.0], offsets: vec![Vector3::new(offset, 0.0, 0.0)] };
+            builder.constrain(Constraint { particles: vec![0], axes: Axes::of(&[0]), motion });
+            builder.build().err().map(|error| error.to_string())
+        };
+        assert_eq!(build(State::LARGEST, 0.0), None);
+        for sign in [1.0, -1.0] {
+            let message = build(sign * State::LARGEST, sign * 1e140).unwrap();
+            assert!(message.starts_with("constraints[0].path.offsets = "), "{message}");
+        }
+    }
+
+    /// The error for a system with these kinetic, gravitational and elastic energies, in 10³⁰⁰ J; the largest number is 1.797 · 10³⁰⁸. With
+    /// v = g = 10¹⁵⁰ and x = −10¹⁵⁰ the energies of a mass m are ½ m 10³⁰⁰ and m 10³⁰⁰; that of a spring of rest length 2 and length 4 is k.
+    fn with_energies([kinetic, gravitational, elastic]: [f64; 3]) -> Option<String> {
+        const LITTLE: f64 = 1e-300;
+        let mut builder = SystemBuilder::new();
+        builder.gravity(State::LARGEST, 0.0, 0.0);
+        let moving = builder.particle([0.0; 3], (2.0 * kinetic).max(LITTLE));
+        builder.velocities[moving].y = State::LARGEST;
+        builder.particle([-State::LARGEST, 0.0, 0.0], gravitational.max(LITTLE));
+        builder.particle([0.0, 2.0, 0.0], LITTLE);
+        builder.particle([0.0, 6.0, 0.0], LITTLE);
+        builder.spring(2, 3, Spring { stiffness: (elastic * 1e300).max(LITTLE), rest_length: 2.0, damping: 0.0 });
+        builder.build().err().map(|error| error.to_string())
+    }
+
+    #[test]
+    fn energies_and_their_sum_are_numbers() {
+        for energies in [[1.7e8, 0.0, 0.0], [0.0, 1.7e8, 0.0], [0.0, 0.0, 1.7e8], [0.5e8; 3]] {
+            assert_eq!(with_energies(energies), None, "{energies:?}");
+        }
+        for (energies, key) in [
+            ([1.9e8, 0.0, 0.0], "particles.masses[0]"),
+            ([0.0, 1.9e8, 0.0], "particles.masses[1]"),
+            ([1e8, 1e8, 0.0], "particles.masses[1]"),
+            ([0.9e8, 0.0, 1e8], "springs.stiffness[0]"),
+            ([0.0, 0.9e8, 1e8], "springs.stiffness[0]"),
+        ] {
+            let message = with_energies(energies).unwrap();
+            assert!(message.starts_with(key) && message.ends_with("beyond the largest number"), "{message}");
+        }
+    }
+
+    /// The error for two particles and a spring after a change.
+    fn changed(change: impl FnOnce(&mut SystemBuilder)) -> Option<String> {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.0, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        change(&mut builder);
+        builder.build().err().map(|error| error.to_string())
+    }
+
+    #[test]
+    fn lists_have_an_entry_for_everything() {
+        assert_eq!(changed(|_| {}), None);
+        for (message, key) in [
+            (changed(|builder| _ = builder.masses.pop()), "particles.masses"),
+            (changed(|builder| builder.velocities.push(Vector3::zeros())), "particles.velocities"),
+            (changed(|builder| _ = builder.springs.pop()), "springs"),
+        ] {
+            let message = message.unwrap();
+            assert!(message.starts_with(key) && message.contains("must have one entry for each of the "), "{message}");
+        }
+    }
+
+    #[test]
+    fn masses_and_parameters_are_finite_and_positive() {
+        for value in [0.0, -1.0, f64::INFINITY, f64::NAN] {
+            let messages =
+                [changed(|builder| builder.masses[1] = value), changed(|builder| builder.springs[0].stiffness = value)];
+            for (message, key) in messages.iter().zip(["particles.masses[1]", "springs.stiffness[0]"]) {
+                let message = message.as_deref().unwrap_or_default();
+                assert!(
+                    message.starts_with(key) && message.ends_with("must be finite and positive"),
+                    "{value}: {message}"
+                );
+            }
+        }
+        assert_eq!(changed(|builder| builder.masses[1] = f64::MIN_POSITIVE), None);
+        for value in [-1.0, f64::INFINITY, f64::NAN] {
+            let message = changed(|builder| builder.springs[0].rest_length = value).unwrap();
+            assert!(message.starts_with("springs.rest_lengths[0]") && message.ends_with("not negative"), "{message}");
+        }
+        assert_eq!(changed(|builder| builder.springs[0].rest_length = 0.0), None);
+    }
+}

@@ -1,59 +1,28 @@
-//! A system that is changed in mid-run: another system with the same laws, loads, forces and motions, which goes on from any state of the first.
+//! Modified copies of a system, which continue from any state of the original.
 
-use super::constraint::Coordinate;
-use super::{Behaviour, Dof, DofMap, Prescribed, State, System, active_springs, builder};
+use super::loads::check_length;
+use super::{Axes, Dof, DofMap, Prescribed, State, System, active_springs, builder};
 use crate::error::Result;
 use crate::spring::{Spring, SpringLaw, Tension};
+use nalgebra::Vector3;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 impl System {
-    /// The same system with other parameters for its springs, one for each, in order; which particles they join stays.
+    /// The system with other parameters for its springs, one entry for each, in order.
     ///
     /// # Errors
     /// [`Invalid`](crate::error::Invalid) for the first value that breaks a rule of the scene format, with its key and index.
-    ///
-    /// # Examples
-    /// ```
-    /// # use sprung::{Spring, SystemBuilder};
-    /// # let mut builder = SystemBuilder::new();
-    /// # builder.particle([0.0, 0.0, 0.0], 1.0);
-    /// # builder.particle([1.0, 0.0, 0.0], 1.0);
-    /// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-    /// # builder.hold(0);
-    /// # let (system, _) = builder.build()?;
-    /// let twice = |spring: &Spring| Spring { stiffness: 2.0 * spring.stiffness, ..*spring };
-    /// let stiffer = system.with_springs(system.springs().iter().map(twice).collect())?;
-    /// assert_eq!(stiffer.springs()[0].stiffness, 40.0);
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     pub fn with_springs(&self, springs: Vec<Spring>) -> Result<Self> {
-        super::check_length("springs.stiffness", springs.len(), self.springs.len(), "springs")?;
+        check_length("springs.stiffness", springs.len(), self.springs.len(), "springs")?;
         springs.iter().enumerate().try_for_each(|(s, spring)| builder::check_spring(s, spring))?;
         self.behaviour.check(&springs)?;
         let has_special_springs = self.behaviour.has_special(&springs);
         Ok(Self { springs, has_special_springs, ..self.clone() })
     }
 
-    /// The same system without some of its springs: torn, or cut. Those that stay keep their order, so later ones have smaller numbers; a spring law, tension
-    /// without compression and actuation stay with their springs, and a law is asked by the numbers that it knew before. Numbers of springs that do not exist
-    /// are passed over.
-    ///
-    /// # Examples
-    /// ```
-    /// # use sprung::{Spring, SystemBuilder};
-    /// # let mut builder = SystemBuilder::new();
-    /// # builder.particle([0.0, 0.0, 0.0], 1.0);
-    /// # builder.particle([1.0, 0.0, 0.0], 1.0);
-    /// # builder.particle([2.0, 0.0, 0.0], 1.0);
-    /// # let spring = Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 };
-    /// # builder.spring(0, 1, spring);
-    /// # builder.spring(1, 2, spring);
-    /// # let (system, _) = builder.build()?;
-    /// let torn = system.without_springs(&[0]);
-    /// assert_eq!(torn.pairs(), [[1, 2]]);
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
+    /// The system without some of its springs. The others keep their order and are renumbered; behaviour and actuation stay with their springs, and a
+    /// spring law still receives the original numbers. Numbers that do not exist are ignored.
     pub fn without_springs(&self, removed: &[usize]) -> Self {
         let removed: BTreeSet<usize> = removed.iter().copied().collect();
         let numbers: Vec<usize> = (0..self.springs.len()).filter(|spring| !removed.contains(spring)).collect();
@@ -63,7 +32,7 @@ impl System {
         let law = self.law.clone().map(|law| -> Arc<dyn SpringLaw> { Arc::new(Renumbered { law, numbers }) });
         Self {
             active: active_springs(&pairs, &self.dofs),
-            actuated: Arc::new(behaviour.of_springs(springs.len())),
+            actuated: Arc::new(behaviour.actuation_indices(springs.len())),
             has_special_springs: behaviour.has_special(&springs),
             behaviour: Arc::new(behaviour),
             pairs,
@@ -73,122 +42,81 @@ impl System {
         }
     }
 
-    /// The same system with coordinates that were prescribed free again. Those that are free already, or do not exist, are passed over. A
-    /// released particle keeps the velocity that its state has, which is that of its motion.
-    ///
-    /// # Examples
-    /// ```
-    /// # use sprung::SystemBuilder;
-    /// # use sprung::system::Dof;
-    /// # let mut builder = SystemBuilder::new();
-    /// # builder.particle([0.0, 0.0, 0.0], 1.0);
-    /// # builder.hold(0);
-    /// # let (system, _) = builder.build()?;
-    /// let free = system.with_released(&[0, 1, 2].map(|axis| Dof { particle: 0, axis }));
-    /// assert_eq!((system.dofs().len(), free.dofs().len()), (0, 3));
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
+    /// The system with some prescribed coordinates released. Coordinates that are free or do not exist are ignored. A released particle keeps its velocity
+    /// in the state, which is that of its motion.
     pub fn with_released(&self, released: &[Dof]) -> Self {
         let released: BTreeSet<(usize, usize)> = released.iter().map(|dof| (dof.particle, dof.axis)).collect();
-        let mut free: Vec<_> = (0..self.particles()).map(|p| self.dofs.free_axes(p)).collect();
         let is_released = |dof: &Dof| released.contains(&(dof.particle, dof.axis));
+        let mut free = self.free_axes();
         for (dof, ..) in self.prescribed.iter().filter(|(dof, ..)| is_released(dof)) {
             free[dof.particle] = free[dof.particle].with(dof.axis);
         }
+        self.with_prescribed(self.prescribed.clone().without(is_released), free)
+    }
+
+    /// The system with more coordinates held, at `positions`. Prescribed coordinates keep their motion, and those that do not exist are ignored;
+    /// particles and springs keep their numbers.
+    pub fn with_held(&self, held: &[Dof], positions: &[Vector3<f64>]) -> Self {
+        let is_free = |dof: &&Dof| {
+            dof.particle < self.particles().min(positions.len()) && self.dofs.free_axes(dof.particle).contains(dof.axis)
+        };
+        let held: Vec<Dof> = held.iter().filter(is_free).copied().collect();
+        let mut free = self.free_axes();
+        for dof in &held {
+            free[dof.particle] = free[dof.particle].without(Axes::of(&[dof.axis]));
+        }
+        self.with_prescribed(self.prescribed.with_held(&held, positions), free)
+    }
+
+    /// The system continued from a state whose prescribed coordinates may differ from their motions, as after a moving particle was held: the
+    /// motions are shifted, `x(t) = x_s + offset(t) − offset(t_s)`, so that nothing jumps. Coordinates that agree to rounding do not change.
+    pub fn continued_from(&self, state: &State) -> Self {
+        Self { prescribed: self.prescribed.clone().shifted_to(state), ..self.clone() }
+    }
+
+    fn free_axes(&self) -> Vec<Axes> {
+        (0..self.particles()).map(|p| self.dofs.free_axes(p)).collect()
+    }
+
+    fn with_prescribed(&self, prescribed: Prescribed, free: Vec<Axes>) -> Self {
         let dofs = DofMap::new(free);
         let active = active_springs(&self.pairs, &dofs);
-        Self { prescribed: self.prescribed.without(is_released), dofs, active, ..self.clone() }
-    }
-
-    /// The same system going on from a state in which prescribed coordinates may be elsewhere than their motions have them at its time, as after a particle was
-    /// held that moved before: their motions then lead on from where they are, `x(t) = x_s + offset(t) − offset(t_s)`, and nothing jumps. What is
-    /// within rounding of its motion stays as it is, to the bit.
-    pub fn continued_from(&self, state: &State) -> Self {
-        Self { prescribed: self.prescribed.through(state), ..self.clone() }
+        Self { prescribed, dofs, active, ..self.clone() }
     }
 }
 
-/// How near to its motion a coordinate is on it, relative to the numbers that the place is computed from.
-const ON_MOTION: f64 = 1e-12;
-
-impl Prescribed {
-    /// These without some coordinates.
-    fn without(&self, is_left_out: impl Fn(&Dof) -> bool) -> Self {
-        let mut rest = self.clone();
-        rest.coordinates.retain(|c| !is_left_out(&c.dof()));
-        rest
-    }
-
-    /// The same motions, shifted to where a state is that is not on them.
-    fn through(&self, state: &State) -> Self {
-        let mut shifted = self.clone();
-        for c in &mut shifted.coordinates {
-            let Coordinate { axis, start, .. } = *c;
-            let (motion, axis) = (&self.motions[c.motion as usize], usize::from(axis));
-            let Some(place) = state.positions.get(c.particle as usize).map(|x| x[axis]) else { continue };
-            let offset = motion.offset(state.time, axis);
-            let travel = motion.velocity(state.time, axis) * state.time;
-            let size = place.abs().max(start.abs()).max(offset.abs()).max(travel.abs());
-            if (place - (start + offset)).abs() > ON_MOTION * size {
-                c.start = place - offset;
-            }
-        }
-        shifted
-    }
-}
-
-impl Behaviour {
-    /// Whether some spring is not one of the built-in law with a rest length, at all times.
-    pub(super) fn has_special(&self, springs: &[Spring]) -> bool {
-        !self.is_empty() || springs.iter().any(|spring| spring.rest_length == 0.0)
-    }
-
-    /// That of the springs with these numbers, ascending, which are counted anew.
-    fn renumbered(&self, numbers: &[usize]) -> Self {
-        let flags = numbers.iter().map(|&s| self.is_tension_only(s));
-        let tension_only = if self.tension_only.is_empty() { Vec::new() } else { flags.collect() };
-        let mut actuation = self.actuation.clone();
-        for entry in &mut actuation {
-            entry.springs = entry.springs.iter().filter_map(|spring| numbers.binary_search(spring).ok()).collect();
-        }
-        Self { tension_only, actuation }
-    }
-}
-
-/// A law for springs that had other numbers before.
+/// A law that receives the original numbers of springs.
 #[derive(Debug)]
 struct Renumbered {
     law: Arc<dyn SpringLaw>,
-    /// The number of every spring that the law knows it by.
+    /// The original number of every spring.
     numbers: Vec<usize>,
 }
 
 impl Renumbered {
-    fn before(&self, number: usize) -> usize {
+    fn original(&self, number: usize) -> usize {
         self.numbers.get(number).copied().unwrap_or(number)
     }
 }
 
 impl SpringLaw for Renumbered {
     fn tension(&self, number: usize, spring: &Spring, length: f64) -> Tension {
-        self.law.tension(self.before(number), spring, length)
+        self.law.tension(self.original(number), spring, length)
     }
 
     fn energy(&self, number: usize, spring: &Spring, length: f64) -> f64 {
-        self.law.energy(self.before(number), spring, length)
+        self.law.energy(self.original(number), spring, length)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::system::{Actuation, Axes, Constraint, Curve, Loads, Motion, SystemBuilder};
-    use nalgebra::Vector3;
+    use crate::system::{Actuation, Behaviour, Constraint, Curve, Loads, Motion, SystemBuilder};
 
     const SPRING: Spring = Spring { stiffness: 8.0, rest_length: 1.0, damping: 0.5 };
 
-    /// Four particles in a row; the first is led along x at 2 m/s and held along y, springs have different stiffness, the first does not push, the last
-    /// becomes longer.
+    /// Four particles in a row; the first moves along x at 2 m/s. The first spring is tension-only, and the first and the last become longer.
     fn chain() -> (System, State) {
         let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
         for p in 0..4 {
@@ -213,7 +141,7 @@ mod tests {
         let torn = system.without_springs(&[1, 1, 9]);
         assert_eq!((torn.pairs(), torn.active_springs()), (&[[0, 1], [2, 3]][..], &[0, 1][..]));
         assert_eq!([0, 1].map(|s| torn.behaviour().is_tension_only(s)), [true, false]);
-        // At half a second rest lengths have doubled; the spring that does not push is slack then.
+        // At half a second rest lengths have doubled, and the tension-only spring is slack.
         let [first, last] = [0, 1].map(|s| torn.spring_at(s, 1.5, 0.5));
         assert_eq!((first.stiffness, last), (0.0, Spring { stiffness: 3.0, rest_length: 2.0, damping: 0.5 }));
         assert_eq!((torn.loads(), torn.dofs()), (system.loads(), system.dofs()));
@@ -223,7 +151,7 @@ mod tests {
         assert_eq!((doubled.spring_at(1, 1.0, 0.5).stiffness, doubled.behaviour()), (16.0, system.behaviour()));
     }
 
-    /// Pulls with as many newtons as the spring's number says.
+    /// A tension of as many newtons as the number of the spring.
     #[derive(Debug)]
     struct ByNumber;
 
@@ -237,9 +165,8 @@ mod tests {
         }
     }
 
-    /// Torn twice, the spring that is left has the force that it had.
     #[test]
-    fn laws_know_springs_by_their_first_numbers() {
+    fn laws_receive_original_numbers() {
         let system = chain().0.with_spring_law(ByNumber).without_springs(&[0]).without_springs(&[0]);
         let at = system.extension(0, &Vector3::zeros(), &Vector3::x()).unwrap();
         assert_eq!((system.pairs(), system.elastic_energy(0, &at, 0.0)), (&[[2, 3]][..], 2.0));
@@ -263,8 +190,8 @@ mod tests {
     #[test]
     fn released_coordinates_are_free_and_others_stay() {
         let (system, state) = chain();
-        let asked = [(0, 1), (1, 0), (0, 2), (7, 0)].map(|(particle, axis)| Dof { particle, axis });
-        let released = system.with_released(&asked);
+        let requested = [(0, 1), (1, 0), (0, 2), (7, 0)].map(|(particle, axis)| Dof { particle, axis });
+        let released = system.with_released(&requested);
         assert_eq!((system.dofs().len(), released.dofs().len()), (6, 7));
         assert_eq!(released.dofs().free_axes(0), Axes::of(&[1]));
         let mut positions = state.positions.clone();
@@ -277,9 +204,9 @@ mod tests {
         assert_eq!((held.active_springs(), held.with_released(&both).active_springs()), (&[1, 2][..], &[0, 1, 2][..]));
     }
 
-    /// The led particle stands half a metre ahead of its motion and above it: from there it is led on.
+    /// The prescribed particle is ahead of its motion and above it, and continues from there.
     #[test]
-    fn motions_lead_on_from_where_a_state_is() {
+    fn motions_continue_from_a_state() {
         let (system, mut state) = chain();
         state.time = 3.0;
         state.positions[0] = Vector3::new(6.5, 0.25, 0.0);
@@ -289,9 +216,41 @@ mod tests {
         assert_eq!(positions, state.positions);
         shifted.prescribed().set_positions(4.0, &mut positions);
         assert_eq!(positions[0], Vector3::new(8.5, 0.25, 0.0));
-        // Within rounding of the motion it is on it.
+        // A difference within rounding is ignored.
         state.positions[0] = Vector3::new(6.0_f64.next_up(), 0.0, 0.0);
         let starts = |system: &System| system.prescribed().iter().map(|(_, start, _)| start).collect::<Vec<_>>();
         assert_eq!(starts(&system.continued_from(&state)), starts(&system));
+    }
+
+    /// Three particles in a plane, the first held, the last free along y alone.
+    #[test]
+    fn held_coordinates_stay_and_others_keep_their_motion() {
+        let mut builder = SystemBuilder::new();
+        builder.dimension = 2;
+        for x in [0.0, 1.0, 3.0] {
+            builder.particle([x, 0.0, 0.0], 1.0);
+        }
+        for i in 0..2 {
+            builder.spring(i, i + 1, SPRING);
+        }
+        builder.hold(0);
+        let motion = Motion::Velocity(Vector3::new(0.5, 0.0, 0.0));
+        builder.constrain(Constraint { particles: vec![2], axes: Axes::of(&[0]), motion });
+        let (system, _) = builder.build().unwrap();
+        assert_eq!((system.dofs().len(), system.active_springs().len()), (3, 2));
+        assert!(!system.has_spring_law() && !system.has_external_forces());
+
+        let places = [[9.0, 9.0, 0.0], [1.0, 7.0, 0.0], [9.0, 8.0, 0.0]].map(Vector3::from);
+        // Coordinates that are prescribed, not modelled or do not exist are ignored.
+        let requested = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 2), (3, 0), (99, 1)];
+        let requested = requested.map(|(particle, axis)| Dof { particle, axis });
+        let held = system.with_held(&requested, &places);
+        let free: Vec<Dof> = held.dofs().iter().collect();
+        assert_eq!(free, [Dof { particle: 2, axis: 1 }]);
+        assert_eq!((held.prescribed().len(), held.active_springs()), (5, &[1][..]));
+        let mut positions = places.to_vec();
+        held.prescribed().set_positions(2.0, &mut positions);
+        let expected = [[0.0, 0.0, 0.0], [1.0, 7.0, 0.0], [4.0, 8.0, 0.0]].map(Vector3::from);
+        assert_eq!(positions, expected);
     }
 }

@@ -1,10 +1,10 @@
-//! Kinematic particles: which coordinates are prescribed, and how they move.
+//! Kinematic constraints: prescribed coordinates and their motion.
 
-use super::curve::SAME_TIME;
-use super::{Axes, Dof};
+use super::loads::{interpolate, segment_after};
+use super::{Axes, Dof, State};
 use nalgebra::Vector3;
 
-/// How prescribed coordinates move, as an offset from where they start.
+/// The motion of prescribed coordinates, as an offset from their start.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Motion {
     /// `x(t) = x(0)`.
@@ -26,28 +26,19 @@ impl Motion {
         match self {
             Self::Held => 0.0,
             Self::Velocity(v) => t * v[axis],
-            Self::Path { times, offsets } => match times.partition_point(|&time| time <= t) {
-                0 => offsets[0][axis],
-                next if next == times.len() => offsets[next - 1][axis],
-                next => {
-                    let (t0, t1) = (times[next - 1], times[next]);
-                    let (x0, x1) = (offsets[next - 1][axis], offsets[next][axis]);
-                    x0 + (x1 - x0) * ((t - t0) / (t1 - t0))
-                }
-            },
+            Self::Path { times, offsets } => interpolate(times, offsets, t, |offset| offset[axis]),
         }
     }
 
-    /// Velocity along one axis just after time t (the right derivative of the offset), in m/s. A time within rounding of a
-    /// kink is the kink: after seven steps of 0.01 s a sum of steps is a little less than 0.07 s.
+    /// Velocity along one axis just after time t (the right derivative of the offset), in m/s. A time within rounding of a kink counts as the kink.
     pub fn velocity(&self, t: f64, axis: usize) -> f64 {
         match self {
             Self::Held => 0.0,
             Self::Velocity(v) => v[axis],
-            Self::Path { times, offsets } => match times.partition_point(|&time| time <= t + SAME_TIME * t.abs()) {
-                next if next == 0 || next == times.len() => 0.0,
-                next => (offsets[next][axis] - offsets[next - 1][axis]) / (times[next] - times[next - 1]),
-            },
+            Self::Path { times, offsets } => segment_after(times, t).map_or(0.0, |[from, to]| {
+                let offset = |k: usize| offsets.get(k).map_or(0.0, |offset| offset[axis]);
+                (offset(to) - offset(from)) / (times[to] - times[from])
+            }),
         }
     }
 }
@@ -77,60 +68,63 @@ pub struct Constraint {
     pub particles: Vec<usize>,
     /// The prescribed axes.
     pub axes: Axes,
-    /// How they move.
+    /// Their motion.
     pub motion: Motion,
 }
 
 impl Constraint {
-    /// Holds all axes of some particles where they are.
+    /// A constraint that holds all axes of some particles.
     pub fn hold(particles: impl IntoIterator<Item = usize>) -> Self {
         Self { particles: particles.into_iter().collect(), axes: Axes::ALL, motion: Motion::Held }
     }
 }
 
-/// All prescribed coordinates, each with its start and its motion.
+/// All prescribed coordinates, with their starts and motions.
 #[derive(Debug, Clone, Default)]
 pub struct Prescribed {
-    pub(super) motions: Vec<Motion>,
-    pub(super) coordinates: Vec<Coordinate>,
-    /// When something else has a kink, in s.
+    motions: Vec<Motion>,
+    coordinates: Vec<Coordinate>,
+    /// The times of kinks of gravity and rest lengths, in s.
     kinks: Vec<f64>,
 }
 
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Coordinate {
-    pub particle: u32,
-    pub axis: u8,
-    pub motion: u32,
-    pub start: f64,
+struct Coordinate {
+    particle: u32,
+    axis: u8,
+    motion: u32,
+    start: f64,
 }
 
 impl Coordinate {
-    pub fn dof(&self) -> Dof {
+    fn new(dof: Dof, motion: usize, start: f64) -> Self {
+        Self { particle: dof.particle as u32, axis: dof.axis as u8, motion: motion as u32, start }
+    }
+
+    fn dof(&self) -> Dof {
         Dof { particle: self.particle as usize, axis: usize::from(self.axis) }
     }
 }
 
 impl Prescribed {
-    /// Resolves constraints, the last one that names a coordinate deciding; returns also every particle's
-    /// prescribed axes. `positions` are those at time zero.
+    /// The coordinates of some constraints, of which the last one for a coordinate applies, and the prescribed axes of every particle.
+    /// `positions` are those at time zero.
     pub(super) fn new(constraints: Vec<Constraint>, positions: &[Vector3<f64>], modelled: Axes) -> (Self, Vec<Axes>) {
-        let mut deciding = std::collections::BTreeMap::new();
+        let mut applied = std::collections::BTreeMap::new();
         for (index, constraint) in constraints.iter().enumerate() {
             for &particle in &constraint.particles {
                 for axis in constraint.axes.iter().filter(|&axis| modelled.contains(axis)) {
-                    deciding.insert((particle, axis), index);
+                    applied.insert((particle, axis), index);
                 }
             }
         }
         let mut axes = vec![Axes::NONE; positions.len()];
-        let mut coordinates = Vec::with_capacity(deciding.len());
-        for ((particle, axis), motion) in deciding {
+        let mut coordinates = Vec::with_capacity(applied.len());
+        for ((particle, axis), motion) in applied {
             axes[particle] = axes[particle].with(axis);
-            let start = positions[particle][axis];
-            coordinates.push(Coordinate { particle: particle as u32, axis: axis as u8, motion: motion as u32, start });
+            coordinates.push(Coordinate::new(Dof { particle, axis }, motion, positions[particle][axis]));
         }
-        // A motion that later constraints override everywhere moves nothing, and its kinks are none.
+        // A motion that is overridden everywhere has no kinks.
         let is_used = |index: usize| coordinates.iter().any(|c: &Coordinate| c.motion as usize == index);
         let used =
             |(index, constraint): (usize, Constraint)| if is_used(index) { constraint.motion } else { Motion::Held };
@@ -138,30 +132,47 @@ impl Prescribed {
         (Self { motions, coordinates, kinks: Vec::new() }, axes)
     }
 
-    /// These and more coordinates, which are held where `positions` have them.
+    /// These and more coordinates, held at `positions`.
     pub(super) fn with_held(&self, held: &[Dof], positions: &[Vector3<f64>]) -> Self {
         let mut coordinates = self.coordinates.clone();
-        let motion = self.motions.len() as u32;
-        coordinates.extend(held.iter().map(|dof| Coordinate {
-            particle: dof.particle as u32,
-            axis: dof.axis as u8,
-            motion,
-            start: positions[dof.particle][dof.axis],
-        }));
-        // The sort is stable: of two entries for one coordinate the older one stays.
+        let motion = self.motions.len();
+        coordinates.extend(held.iter().map(|&dof| Coordinate::new(dof, motion, positions[dof.particle][dof.axis])));
+        // The sort is stable: the older of two entries for one coordinate stays.
         coordinates.sort_by_key(|c| (c.particle, c.axis));
         coordinates.dedup_by_key(|c| (c.particle, c.axis));
         let motions = self.motions.iter().cloned().chain([Motion::Held]).collect();
         Self { motions, coordinates, kinks: self.kinks.clone() }
     }
 
-    /// Makes known when what is no path has kinks: gravity, rest lengths.
+    /// These without some coordinates.
+    pub(super) fn without(mut self, is_removed: impl Fn(&Dof) -> bool) -> Self {
+        self.coordinates.retain(|c| !is_removed(&c.dof()));
+        self
+    }
+
+    /// The motions shifted to the positions of a state, except where they agree with it to rounding.
+    pub(super) fn shifted_to(mut self, state: &State) -> Self {
+        for c in &mut self.coordinates {
+            let (motion, axis) = (&self.motions[c.motion as usize], usize::from(c.axis));
+            let Some(position) = state.positions.get(c.particle as usize).map(|x| x[axis]) else { continue };
+            let offset = motion.offset(state.time, axis);
+            let travel = motion.velocity(state.time, axis) * state.time;
+            // The rounding error is relative to the largest term of the sum.
+            let size = position.abs().max(c.start.abs()).max(offset.abs()).max(travel.abs());
+            if (position - (c.start + offset)).abs() > 1e-12 * size {
+                c.start = position - offset;
+            }
+        }
+        self
+    }
+
+    /// Adds times at which gravity or rest lengths have kinks.
     pub(super) fn add_kinks(&mut self, times: &[f64]) {
         self.kinks.extend_from_slice(times);
         self.kinks.sort_by(f64::total_cmp);
     }
 
-    /// Whether any prescribed coordinate ever moves.
+    /// True if any prescribed coordinate moves.
     pub fn moves(&self) -> bool {
         self.coordinates.iter().any(|c| self.motions[c.motion as usize] != Motion::Held)
     }
@@ -171,7 +182,7 @@ impl Prescribed {
         &self.motions
     }
 
-    /// The first time after t at which a path has a kink, in s, where prescribed velocities jump; or gravity or a rest length has.
+    /// The first time after t at which a path, gravity or a rest length has a kink, in s.
     pub fn next_kink(&self, t: f64) -> Option<f64> {
         let after = |times: &[f64]| times.get(times.partition_point(|&time| time <= t)).copied();
         let first = |motion: &Motion| match motion {
@@ -181,54 +192,57 @@ impl Prescribed {
         self.motions.iter().filter_map(first).chain(after(&self.kinks)).min_by(f64::total_cmp)
     }
 
-    /// Every prescribed coordinate by particle, then axis: with its start, in m, and the index of its motion.
+    /// The prescribed coordinates by particle, then axis, each with its start, in m, and the index of its motion.
     pub fn iter(&self) -> impl Iterator<Item = (Dof, f64, usize)> + '_ {
         self.coordinates.iter().map(|c| (c.dof(), c.start, c.motion as usize))
     }
 
-    /// Number of prescribed coordinates.
+    /// The number of prescribed coordinates.
     pub fn len(&self) -> usize {
         self.coordinates.len()
     }
 
-    /// Whether there is no prescribed coordinate.
+    /// True if there are no prescribed coordinates.
     pub fn is_empty(&self) -> bool {
         self.coordinates.is_empty()
     }
 
+    /// Particle, axis and position at time t of every prescribed coordinate.
+    fn targets(&self, t: f64) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+        self.coordinates.iter().map(move |c| {
+            let (particle, axis) = (c.particle as usize, usize::from(c.axis));
+            (particle, axis, c.start + self.motions[c.motion as usize].offset(t, axis))
+        })
+    }
+
     /// Sets the prescribed coordinates of full-length positions to their values at time t.
     pub fn set_positions(&self, t: f64, positions: &mut [Vector3<f64>]) {
-        for c in &self.coordinates {
-            let axis = c.axis as usize;
-            positions[c.particle as usize][axis] = c.start + self.motions[c.motion as usize].offset(t, axis);
+        for (particle, axis, target) in self.targets(t) {
+            positions[particle][axis] = target;
         }
     }
 
     /// Sets the prescribed components of full-length velocities to their values just after time t.
     pub fn set_velocities(&self, t: f64, velocities: &mut [Vector3<f64>]) {
         for c in &self.coordinates {
-            let axis = c.axis as usize;
+            let axis = usize::from(c.axis);
             velocities[c.particle as usize][axis] = self.motions[c.motion as usize].velocity(t, axis);
         }
     }
 
-    /// Sets the prescribed components of full-length velocities to the constant velocity that leads from `positions` to the
-    /// motion's place at time t within dt seconds.
+    /// Sets the prescribed components of full-length velocities to the mean velocity from `positions` to the position at time t within
+    /// dt seconds.
     pub fn set_mean_velocities(&self, t: f64, dt: f64, positions: &[Vector3<f64>], velocities: &mut [Vector3<f64>]) {
-        for c in &self.coordinates {
-            let (particle, axis) = (c.particle as usize, c.axis as usize);
-            let target = c.start + self.motions[c.motion as usize].offset(t, axis);
+        for (particle, axis, target) in self.targets(t) {
             velocities[particle][axis] = (target - positions[particle][axis]) / dt;
         }
     }
 
-    /// Writes the displacement of every prescribed coordinate from `positions` to its place at time t into
-    /// `displacement`, in m, and zero into every other entry (*Set-Boundary-Conditions* in the lecture notes).
+    /// Sets `displacement`, in m, to the displacement of every prescribed coordinate from `positions` to its position at time t, and to
+    /// zero elsewhere (*Set-Boundary-Conditions* in the lecture notes).
     pub fn displacement(&self, t: f64, positions: &[Vector3<f64>], displacement: &mut [Vector3<f64>]) {
         displacement.fill(Vector3::zeros());
-        for c in &self.coordinates {
-            let (particle, axis) = (c.particle as usize, c.axis as usize);
-            let target = c.start + self.motions[c.motion as usize].offset(t, axis);
+        for (particle, axis, target) in self.targets(t) {
             displacement[particle][axis] = target - positions[particle][axis];
         }
     }
@@ -261,12 +275,12 @@ mod tests {
             assert_eq!([0, 1].map(|axis| path.offset(t, axis)), offset, "{t}");
             assert_eq!([0, 1].map(|axis| path.velocity(t, axis)), velocity, "{t}");
         }
-        // A sum of steps that ends just before a kink is at it, one that ends clearly before is not.
+        // A time within rounding of a kink counts as the kink.
         assert_eq!([5e-13, 5e-12].map(|off| path.velocity(30.0 * (1.0 - off), 0)), [-0.1, 0.2]);
     }
 
-    /// Particle 1 follows the path along x, moves at 0.5 m/s along y and, as the later word counts, is held along z; particle 0 is free,
-    /// particle 2 is on a rail of its own.
+    /// Particle 1 follows the path along x, moves at 0.5 m/s along y and is held along z, as later constraints apply; particle 0 is free,
+    /// particle 2 is held along z.
     fn system() -> System {
         let mut builder = SystemBuilder::new();
         for x in [-1.0, 1.0, 2.0] {
@@ -309,8 +323,9 @@ mod tests {
         assert_eq!(set, [[9.0; 3], [-2.0, 3.0, -10.0], [9.0, 9.0, -10.0]].map(Vector3::from));
     }
 
+    /// A path that a later constraint overrides has no kinks.
     #[test]
-    fn kinks_are_those_of_paths_and_what_is_held_does_not_move() {
+    fn kinks_are_those_of_paths_that_apply() {
         let system = system();
         let kinks = [0.0, 10.0, 29.0, 30.0, 40.0].map(|t| system.prescribed().next_kink(t));
         assert_eq!(kinks, [Some(10.0), Some(30.0), Some(30.0), Some(40.0), None]);
@@ -318,19 +333,11 @@ mod tests {
         let mut builder = SystemBuilder::new();
         builder.particle([0.0; 3], 1.0);
         assert!(builder.clone().build().unwrap().0.prescribed().is_empty());
-        builder.hold(0);
-        assert!(!builder.build().unwrap().0.prescribed().moves());
-    }
-
-    /// The path of a particle that is held by a later constraint moves nothing.
-    #[test]
-    fn paths_that_are_overridden_have_no_kinks() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
         let motion = Motion::Path { times: vec![0.0, 0.5], offsets: vec![Vector3::zeros(), Vector3::x()] };
         builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
         assert_eq!(builder.clone().build().unwrap().0.prescribed().next_kink(0.1), Some(0.5));
         builder.hold(0);
-        assert_eq!(builder.build().unwrap().0.prescribed().next_kink(0.1), None);
+        let (system, _) = builder.build().unwrap();
+        assert!(system.prescribed().next_kink(0.1).is_none() && !system.prescribed().moves());
     }
 }

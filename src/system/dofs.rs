@@ -1,10 +1,60 @@
-//! The map between (particle, axis) and rows: the one place that decides what is a degree of freedom.
+//! Free degrees of freedom: the map between (particle, axis) and rows.
 
-use super::Axes;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// One free coordinate.
+/// A set of axes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Axes(u8);
+
+impl Axes {
+    /// No axis.
+    pub const NONE: Self = Self(0);
+    /// x, y and z.
+    pub const ALL: Self = Self(0b111);
+
+    /// The first `dimension` axes.
+    pub fn first(dimension: usize) -> Self {
+        Self(Self::ALL.0 >> (3 - dimension.min(3)))
+    }
+
+    /// The axes with the given indices (0, 1, 2); others are ignored.
+    pub fn of(axes: &[usize]) -> Self {
+        axes.iter().fold(Self::NONE, |set, &axis| set.with(axis))
+    }
+
+    /// True if the axis is in the set.
+    pub fn contains(self, axis: usize) -> bool {
+        axis < 3 && self.0 >> axis & 1 == 1
+    }
+
+    /// The number of axes.
+    pub fn count(self) -> usize {
+        self.0.count_ones() as usize
+    }
+
+    /// The number of axes of the set below `axis`.
+    pub fn rank(self, axis: usize) -> usize {
+        self.iter().take_while(|&member| member < axis).count()
+    }
+
+    /// The axes in ascending order.
+    pub fn iter(self) -> impl Iterator<Item = usize> {
+        (0..3).filter(move |&axis| self.contains(axis))
+    }
+
+    /// This set and the axis (0, 1, 2).
+    pub fn with(self, axis: usize) -> Self {
+        if axis < 3 { Self(self.0 | 1 << axis) } else { self }
+    }
+
+    /// This set without the axes of the other.
+    pub fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+}
+
+/// One coordinate of a particle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Dof {
     /// The particle.
@@ -14,7 +64,7 @@ pub struct Dof {
 }
 
 impl Dof {
-    /// The axis as a letter.
+    /// The letter of the axis.
     pub fn axis_name(&self) -> char {
         ['x', 'y', 'z'][self.axis]
     }
@@ -28,8 +78,8 @@ impl std::fmt::Display for Dof {
 
 /// The free degrees of freedom, numbered by particle, then axis.
 ///
-/// A *full-length* vector has a 3-vector for every particle; a *reduced* vector has one number for every free
-/// coordinate. [`gather`](Self::gather) and [`scatter`](Self::scatter) go between them; gathering is *Project* in the lecture notes. A clone shares the map.
+/// A *full-length* vector has a 3-vector for every particle; a *reduced* vector has one number for every free coordinate. [`gather`](Self::gather)
+/// (*Project* in the lecture notes) and [`scatter`](Self::scatter) convert between them. A clone shares the map.
 ///
 /// # Examples
 /// ```
@@ -50,13 +100,13 @@ impl std::fmt::Display for Dof {
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DofMap {
-    /// first[p] is the row of particle p's first free axis; first[particles] is the number of rows.
+    /// first[p] is the number of rows before those of particle p; the last entry is the number of all rows.
     first: Arc<[u32]>,
     free: Arc<[Axes]>,
 }
 
 impl DofMap {
-    /// From the free axes of every particle.
+    /// A map from the free axes of every particle.
     pub fn new(free: Vec<Axes>) -> Self {
         let mut first = Vec::with_capacity(free.len() + 1);
         let mut rows = 0;
@@ -68,22 +118,22 @@ impl DofMap {
         Self { first: first.into(), free: free.into() }
     }
 
-    /// All three axes of `particles` particles free.
+    /// A map in which all three axes of `particles` particles are free.
     pub fn unconstrained(particles: usize) -> Self {
         Self::new(vec![Axes::ALL; particles])
     }
 
-    /// Number of free degrees of freedom: the order of every matrix.
+    /// The number of free degrees of freedom, which is the order of every matrix.
     pub fn len(&self) -> usize {
         self.first.last().map_or(0, |&rows| rows as usize)
     }
 
-    /// Whether nothing can move.
+    /// True if there are no free degrees of freedom.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Number of particles, free or not.
+    /// The number of particles, free or not.
     pub fn particles(&self) -> usize {
         self.free.len()
     }
@@ -93,12 +143,12 @@ impl DofMap {
         self.free[particle]
     }
 
-    /// The rows of a particle: as many as it has free axes, in the order of the axes.
+    /// The rows of a particle, one for each free axis, in the order of the axes.
     pub fn rows(&self, particle: usize) -> std::ops::Range<usize> {
         self.first[particle] as usize..self.first[particle + 1] as usize
     }
 
-    /// The number of rows before a particle's: its first row if it has any. `particle` may be one past the last.
+    /// The number of rows before those of a particle. `particle` may be one past the last.
     pub fn first_row(&self, particle: usize) -> usize {
         self.first[particle] as usize
     }
@@ -121,7 +171,7 @@ impl DofMap {
         (0..self.particles()).flat_map(|particle| self.free[particle].iter().map(move |axis| Dof { particle, axis }))
     }
 
-    /// A particle's part of a reduced vector, as a 3-vector with zeros on the axes that are not free.
+    /// The 3-vector of a particle in a reduced vector, with zeros on the axes that are not free.
     #[inline]
     pub fn get(&self, reduced: &[f64], particle: usize) -> Vector3<f64> {
         let rows = &reduced[self.rows(particle)];
@@ -137,7 +187,7 @@ impl DofMap {
         }
     }
 
-    /// Adds a 3-vector to a particle's part of a reduced vector, dropping the axes that are not free.
+    /// Adds the free components of a 3-vector to the rows of a particle.
     #[inline]
     pub fn add(&self, reduced: &mut [f64], particle: usize, v: &Vector3<f64>) {
         let rows = &mut reduced[self.rows(particle)];
@@ -155,7 +205,7 @@ impl DofMap {
         }
     }
 
-    /// Full-length to reduced: takes the free coordinates (*Project* in the lecture notes, which drops the others).
+    /// Copies the free coordinates of a full-length vector to a reduced one.
     pub fn gather(&self, full: &[Vector3<f64>], reduced: &mut [f64]) {
         for (particle, v) in full.iter().enumerate() {
             for (axis, value) in self.free[particle].iter().zip(&mut reduced[self.rows(particle)]) {
@@ -164,7 +214,7 @@ impl DofMap {
         }
     }
 
-    /// Reduced to full-length: sets the free coordinates and leaves the others as they are.
+    /// Copies a reduced vector to the free coordinates of a full-length one; the others do not change.
     pub fn scatter(&self, reduced: &[f64], full: &mut [Vector3<f64>]) {
         for (particle, v) in full.iter_mut().enumerate() {
             for (axis, value) in self.free[particle].iter().zip(&reduced[self.rows(particle)]) {
@@ -176,8 +226,7 @@ impl DofMap {
 
 #[cfg(test)]
 mod tests {
-    use super::{Dof, DofMap};
-    use crate::system::Axes;
+    use super::{Axes, Dof, DofMap};
     use nalgebra::Vector3;
 
     /// Six rows: all axes of particle 0, x and z of particle 1, none of particle 2, y of particle 3.
@@ -222,5 +271,18 @@ mod tests {
             map.add(&mut reduced, particle, &Vector3::new(100.0, 200.0, 300.0));
         }
         assert_eq!(reduced, [101.0, 202.0, 303.0, 104.0, 306.0, 211.0]);
+    }
+
+    #[test]
+    fn sets_are_what_their_members_are() {
+        let ends = Axes::of(&[0, 2]);
+        assert_eq!([0, 1, 2].map(|axis| ends.contains(axis)), [true, false, true]);
+        assert_eq!([0, 1, 2].map(|axis| ends.rank(axis)), [0, 1, 1]);
+        assert_eq!((ends.count(), ends.iter().collect::<Vec<_>>()), (2, vec![0, 2]));
+        assert_eq!([0, 1, 2, 3, 4].map(|dimension| Axes::first(dimension).count()), [0, 1, 2, 3, 3]);
+        // There is no fourth axis.
+        assert_eq!((ends.with(0), ends.with(1), ends.with(3)), (ends, Axes::ALL, ends));
+        assert_eq!((Axes::of(&[2, 0, 0, 3]), Axes::NONE.with(1)), (ends, Axes::of(&[1])));
+        assert_eq!((Axes::ALL.without(ends), ends.without(Axes::of(&[1, 2]))), (Axes::of(&[1]), Axes::of(&[0])));
     }
 }

@@ -1,7 +1,9 @@
-//! Small systems that several rooms are tested on.
+//! Small systems for tests, and systems cut into subdomains, each on a thread.
 
-use super::{State, System, SystemBuilder};
+use super::{Communicator, State, System, SystemBuilder};
 use crate::spring::Spring;
+use nalgebra::Vector3;
+use std::sync::{Arc, Barrier, Mutex};
 
 /// A particle of 1 kg in one dimension, on a spring of 1 N/m that is held at the origin and drawn out by 0.3 m from its length of 1 m: it is at
 /// `1 + 0.3 cos t`.
@@ -24,4 +26,127 @@ pub fn row(particles: usize) -> (System, State) {
         builder.spring(p - 1, p, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
     }
     builder.build().unwrap()
+}
+
+/// Numbers shared by the threads, with a barrier on both sides of every use.
+#[derive(Debug)]
+struct Table {
+    numbers: Mutex<Vec<Vec<f64>>>,
+    barrier: Barrier,
+}
+
+/// The communicator of one subdomain.
+#[derive(Debug)]
+struct ThreadCommunicator {
+    table: Arc<Table>,
+    number: usize,
+    particles: Vec<usize>,
+    springs: Vec<usize>,
+    own: usize,
+    whole: usize,
+}
+
+impl ThreadCommunicator {
+    fn all(&self, mine: &[f64]) -> Vec<Vec<f64>> {
+        self.table.numbers.lock().unwrap()[self.number] = mine.to_vec();
+        self.table.barrier.wait();
+        let all = self.table.numbers.lock().unwrap().clone();
+        self.table.barrier.wait();
+        all
+    }
+
+    fn fold(&self, numbers: &mut [f64], join: impl Fn(f64, f64) -> f64) {
+        let all = self.all(numbers);
+        for (at, number) in numbers.iter_mut().enumerate() {
+            *number = all.iter().map(|part| part[at]).reduce(&join).unwrap();
+        }
+    }
+}
+
+impl Communicator for ThreadCommunicator {
+    fn sum(&self, numbers: &mut [f64]) {
+        self.fold(numbers, |a, b| a + b);
+    }
+
+    fn largest(&self, numbers: &mut [f64]) {
+        self.fold(numbers, f64::max);
+    }
+
+    fn halo_exchange(&self, vectors: &mut [Vector3<f64>]) {
+        let mut mine = vec![f64::NAN; 3 * self.whole];
+        for (p, v) in self.particles.iter().zip(&*vectors).take(self.own) {
+            mine[3 * p..3 * p + 3].copy_from_slice(v.as_slice());
+        }
+        let all = self.all(&mine);
+        for (p, v) in self.particles.iter().zip(vectors).skip(self.own) {
+            let owner = all.iter().find(|part| !part[3 * p].is_nan()).unwrap();
+            *v = Vector3::from_column_slice(&owner[3 * p..3 * p + 3]);
+        }
+    }
+
+    fn particle(&self, particle: usize) -> usize {
+        self.particles[particle]
+    }
+
+    fn spring(&self, spring: usize) -> usize {
+        self.springs[spring]
+    }
+}
+
+/// A subdomain of a scene, with the indices of its particles and springs in the whole.
+pub(crate) struct Cut {
+    pub particles: Vec<usize>,
+    pub springs: Vec<usize>,
+    pub system: System,
+    pub state: State,
+}
+
+/// Runs `work` on every subdomain of a scene, each on a thread; `part_of` gives the owner of a particle.
+pub(crate) fn in_parts<R: Send>(
+    scene: &SystemBuilder,
+    count: usize,
+    part_of: impl Fn(usize) -> usize + Sync,
+    work: impl Fn(Cut) -> R + Sync,
+) -> Vec<R> {
+    let table = Arc::new(Table { numbers: Mutex::new(vec![Vec::new(); count]), barrier: Barrier::new(count) });
+    let cut = |number: usize| {
+        let is_own = |p: usize| part_of(p) == number;
+        let touches = |pair: &[u32; 2]| pair.iter().any(|&p| is_own(p as usize));
+        let springs: Vec<usize> = (0..scene.pairs.len()).filter(|&s| touches(&scene.pairs[s])).collect();
+        let mut particles: Vec<usize> = (0..scene.positions.len()).filter(|&p| is_own(p)).collect();
+        let own = particles.len();
+        let mut ghosts: Vec<usize> = springs.iter().flat_map(|&s| scene.pairs[s]).map(|p| p as usize).collect();
+        ghosts.retain(|&p| !is_own(p));
+        ghosts.sort_unstable();
+        ghosts.dedup();
+        particles.extend(ghosts);
+        let local = |p: usize| particles.iter().position(|&q| q == p);
+        let mut builder = SystemBuilder {
+            positions: particles.iter().map(|&p| scene.positions[p]).collect(),
+            velocities: particles.iter().map(|&p| scene.velocities[p]).collect(),
+            masses: particles.iter().map(|&p| scene.masses[p]).collect(),
+            pairs: springs.iter().map(|&s| scene.pairs[s].map(|p| local(p as usize).unwrap() as u32)).collect(),
+            springs: springs.iter().map(|&s| scene.springs[s]).collect(),
+            ..scene.clone()
+        };
+        for constraint in &mut builder.constraints {
+            constraint.particles = constraint.particles.iter().filter_map(|&p| local(p)).collect();
+        }
+        let (system, state) = builder.build().unwrap();
+        let whole = scene.positions.len();
+        let communicator = ThreadCommunicator {
+            table: table.clone(),
+            number,
+            particles: particles.clone(),
+            springs: springs.clone(),
+            own,
+            whole,
+        };
+        Cut { particles, springs, system: system.into_part(own, Arc::new(communicator)), state }
+    };
+    let (cut, work) = (&cut, &work);
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..count).map(|number| scope.spawn(move || work(cut(number)))).collect();
+        threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+    })
 }

@@ -1,28 +1,10 @@
-//! What changes while a system moves.
+//! The state of a system.
 
 use super::System;
 use crate::error::Invalid;
 use nalgebra::Vector3;
 
 /// Positions and velocities of all particles at one time.
-///
-/// # Examples
-/// ```
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// state.velocities[1].y = 0.5;
-/// let mut saved = state.clone();
-/// state.positions[1].x = 1.25;
-/// saved.copy_from(&state); // allocates nothing
-/// assert_eq!(saved, state);
-/// assert!(state.is_finite());
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     /// t, in s.
@@ -33,7 +15,7 @@ pub struct State {
     pub velocities: Vec<Vector3<f64>>,
 }
 
-/// Where and how fast all particles are at a time, by reference: what forces depend on.
+/// A borrowed state, which forces depend on.
 #[derive(Debug, Clone, Copy)]
 pub struct StateView<'a> {
     /// t, in s.
@@ -45,59 +27,55 @@ pub struct StateView<'a> {
 }
 
 impl State {
-    /// The state by reference.
+    /// A view of the state.
     pub fn moment(&self) -> StateView<'_> {
         StateView { time: self.time, positions: &self.positions, velocities: &self.velocities }
     }
 
-    /// The largest coordinate, in m, and velocity, in m/s, that states may have: beyond it their squares, and with them energies,
-    /// are no numbers any more.
+    /// The largest coordinate, in m, and velocity, in m/s, of a valid state: larger values overflow when squared.
     pub const LARGEST: f64 = 1e150;
 
-    /// Refuses a state of a system of another size.
+    /// An error unless the state has as many particles as the system.
     ///
     /// # Errors
-    /// [`Invalid`] with the list that has another length than the system has particles.
+    /// [`Invalid`] with the list of wrong length.
     pub fn check(&self, system: &System) -> Result<(), Invalid> {
         let expected = system.particles();
         for (key, list) in [("positions", &self.positions), ("velocities", &self.velocities)] {
             if list.len() != expected {
-                return Err(Invalid::new(
-                    key,
-                    format!("{} rows", list.len()),
-                    format!("must have {expected}, one for each particle"),
-                ));
+                let rule = format!("must have {expected}, one for each particle");
+                return Err(Invalid::new(key, format!("{} rows", list.len()), rule));
             }
         }
         Ok(())
     }
 
-    /// Whether the time is finite, and no coordinate or velocity is beyond [`LARGEST`](Self::LARGEST), infinite or undefined.
+    /// True if the time is finite and no coordinate or velocity is NaN or exceeds [`LARGEST`](Self::LARGEST).
     pub fn is_finite(&self) -> bool {
-        // Every number is looked at: a loop that ends early takes them one by one.
+        // No early exit, so that the loop vectorizes.
         let are_finite = |vectors: &[Vector3<f64>]| {
             vectors.iter().fold(true, |all, v| v.iter().fold(all, |all, c| all & (c.abs() <= Self::LARGEST)))
         };
         self.time.is_finite() && are_finite(&self.positions) && are_finite(&self.velocities)
     }
 
-    /// Whether no component is beyond [`LARGEST`](Self::LARGEST), infinite or undefined.
+    /// True if no component is NaN or exceeds [`LARGEST`](Self::LARGEST).
     pub(crate) fn is_finite_vector(v: &Vector3<f64>) -> bool {
         v.iter().all(|c| c.abs() <= Self::LARGEST)
     }
 
-    /// Puts every prescribed coordinate where its motion has it at `self.time`, with that motion's velocity.
+    /// Sets prescribed coordinates to the position and velocity of their motion at `self.time`.
     pub fn prescribe(&mut self, system: &System) {
         let prescribed = system.prescribed();
         prescribed.set_positions(self.time, &mut self.positions);
         prescribed.set_velocities(self.time, &mut self.velocities);
     }
 
-    /// Copies another state of the same system without allocating.
+    /// Copies another state, without allocating where it has as many particles.
     pub fn copy_from(&mut self, other: &Self) {
         self.time = other.time;
-        self.positions.copy_from_slice(&other.positions);
-        self.velocities.copy_from_slice(&other.velocities);
+        self.positions.clone_from(&other.positions);
+        self.velocities.clone_from(&other.velocities);
     }
 }
 

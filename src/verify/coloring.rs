@@ -1,4 +1,4 @@
-//! Columns that one pair of force evaluations can measure together.
+//! Groups of columns that one pair of force evaluations measures together.
 //!
 //! A difference quotient along `e_c` is column c of the Jacobian. Where no two columns of a group have a nonzero entry
 //! in the same row, moving all their coordinates at once measures all of them: each row of the difference belongs to
@@ -12,14 +12,14 @@ use nalgebra_sparse::CscMatrix;
 /// The rows that may be nonzero in each column, and the columns in groups that share no row.
 #[derive(Debug, Clone)]
 pub struct ColumnGroups {
-    rows: Lists,
+    rows: Vec<Vec<u32>>,
     groups: Vec<Vec<usize>>,
 }
 
 impl ColumnGroups {
-    /// Every column on its own, every entry expected: what needs no trust in any pattern.
+    /// Every column on its own, every entry expected: no trust in any pattern.
     pub fn one_by_one(order: usize) -> Self {
-        let rows = Lists::new((0..order).map(|_| 0..order as u32));
+        let rows = vec![(0..order as u32).collect(); order];
         Self { rows, groups: (0..order).map(|column| vec![column]).collect() }
     }
 
@@ -36,23 +36,27 @@ impl ColumnGroups {
             neighbours.dedup();
         }
         let rows_of = |particle: &u32| dofs.rows(*particle as usize).map(|row| row as u32);
-        let rows = Lists::new(dofs.iter().map(|dof| coupled[dof.particle].iter().flat_map(rows_of)));
-        let coupled = Lists::new(coupled.iter().map(|neighbours| neighbours.iter().copied()));
-        let columns_along = |particles: &[usize], axis: usize| -> Vec<usize> {
-            particles.iter().filter_map(|&particle| dofs.row(Dof { particle, axis })).collect()
-        };
-        let groups = color(&coupled, &coupled).into_iter().flat_map(|particles| {
-            (0..3).map(|axis| columns_along(&particles, axis)).filter(|columns| !columns.is_empty()).collect::<Vec<_>>()
-        });
-        Self { rows, groups: groups.collect() }
+        let rows = dofs.iter().map(|dof| coupled[dof.particle].iter().flat_map(rows_of).collect()).collect();
+        let mut groups = Vec::new();
+        for particles in color(&coupled, &coupled) {
+            for axis in 0..3 {
+                let column = |&particle: &usize| dofs.row(Dof { particle, axis });
+                groups.push(particles.iter().filter_map(column).collect());
+            }
+        }
+        groups.retain(|columns: &Vec<usize>| !columns.is_empty());
+        Self { rows, groups }
     }
 
     /// From the stored entries of a square matrix. An entry that it lacks and a force has is then seen only in a row in
     /// which no other column of the group stands.
     pub fn of_matrix(matrix: &CscMatrix<f64>) -> Self {
-        let pattern = matrix.pattern();
-        let rows = Lists::new((0..matrix.ncols()).map(|column| pattern.lane(column).iter().map(|&row| row as u32)));
-        let columns = rows.transposed(matrix.nrows());
+        let rows: Vec<Vec<u32>> =
+            matrix.col_iter().map(|column| column.row_indices().iter().map(|&row| row as u32).collect()).collect();
+        let mut columns = vec![Vec::new(); matrix.nrows()];
+        for (column, rows) in rows.iter().enumerate() {
+            rows.iter().for_each(|&row| columns[row as usize].push(column as u32));
+        }
         let groups = color(&rows, &columns);
         Self { rows, groups }
     }
@@ -69,19 +73,19 @@ impl ColumnGroups {
 
     /// The rows in which a column may be nonzero, ascending.
     pub fn rows(&self, column: usize) -> &[u32] {
-        self.rows.of(column)
+        &self.rows[column]
     }
 }
 
 /// Greedy colouring of vertices so that no two of a colour are in one list: `lists` has the lists of every vertex,
 /// `members` the vertices of every list.
-fn color(lists: &Lists, members: &Lists) -> Vec<Vec<usize>> {
+fn color(lists: &[Vec<u32>], members: &[Vec<u32>]) -> Vec<Vec<usize>> {
     let mut colors = vec![usize::MAX; lists.len()];
     let mut groups: Vec<Vec<usize>> = Vec::new();
     // The vertex that last found a colour among its neighbours.
     let mut met_by: Vec<usize> = Vec::new();
     for vertex in 0..lists.len() {
-        for &other in lists.of(vertex).iter().flat_map(|&list| members.of(list as usize)) {
+        for &other in lists[vertex].iter().flat_map(|&list| &members[list as usize]) {
             if let Some(met_by) = met_by.get_mut(colors[other as usize]) {
                 *met_by = vertex;
             }
@@ -97,41 +101,23 @@ fn color(lists: &Lists, members: &Lists) -> Vec<Vec<usize>> {
     groups
 }
 
-/// Lists of indices one after the other.
-#[derive(Debug, Clone)]
-pub(super) struct Lists {
-    starts: Vec<usize>,
-    items: Vec<u32>,
-}
-
-impl Lists {
-    pub fn new(lists: impl Iterator<Item = impl Iterator<Item = u32>>) -> Self {
-        let (mut starts, mut items) = (vec![0], Vec::new());
-        for list in lists {
-            items.extend(list);
-            starts.push(items.len());
-        }
-        Self { starts, items }
+/// Evaluates a force with the coordinates of a group moved to `to(place in the group, coordinate)`, and moves them back.
+pub(super) fn evaluate_moved(
+    force: &mut impl FnMut(&[f64], &mut [f64]),
+    x: &mut [f64],
+    group: &[usize],
+    to: impl Fn(usize, f64) -> f64,
+) -> Vec<f64> {
+    let saved: Vec<f64> = group.iter().map(|&column| x[column]).collect();
+    for (place, &column) in group.iter().enumerate() {
+        x[column] = to(place, saved[place]);
     }
-
-    pub fn len(&self) -> usize {
-        self.starts.len() - 1
+    let mut f = vec![0.0; x.len()];
+    force(x, &mut f);
+    for (&column, saved) in group.iter().zip(saved) {
+        x[column] = saved;
     }
-
-    pub fn of(&self, list: usize) -> &[u32] {
-        &self.items[self.starts[list]..self.starts[list + 1]]
-    }
-
-    /// For every index below `indices` the lists that hold it, ascending.
-    pub fn transposed(&self, indices: usize) -> Self {
-        let mut lists = vec![Vec::new(); indices];
-        for list in 0..self.len() {
-            for &item in self.of(list) {
-                lists[item as usize].push(list as u32);
-            }
-        }
-        Self::new(lists.into_iter().map(Vec::into_iter))
-    }
+    f
 }
 
 #[cfg(all(test, feature = "scene"))]
@@ -141,7 +127,7 @@ mod tests {
     use crate::scene::{Kind, builtin};
     use crate::spring::Stiffness;
 
-    fn check(groups: &ColumnGroups) {
+    fn assert_no_row_is_shared(groups: &ColumnGroups) {
         let mut seen = vec![0; groups.order()];
         for group in groups.groups() {
             let mut taken = vec![false; groups.order()];
@@ -160,18 +146,18 @@ mod tests {
         for kind in Kind::ALL {
             let (system, state) = builtin(kind, kind.default_size()).unwrap().build().unwrap();
             let of_system = ColumnGroups::of_system(&system);
-            check(&of_system);
+            assert_no_row_is_shared(&of_system);
             let k = StepMatrices::assemble(&system, &state, Stiffness::Full, 0.01).unwrap().k.to_csc();
             let of_matrix = ColumnGroups::of_matrix(&k);
-            check(&of_matrix);
+            assert_no_row_is_shared(&of_matrix);
             for column in 0..k.ncols() {
                 let stored: Vec<u32> = k.col(column).row_indices().iter().map(|&row| row as u32).collect();
                 assert_eq!(of_system.rows(column), stored);
                 assert_eq!(of_matrix.rows(column), stored);
             }
         }
-        check(&ColumnGroups::one_by_one(5));
-        check(&ColumnGroups::one_by_one(0));
+        assert_no_row_is_shared(&ColumnGroups::one_by_one(5));
+        assert_no_row_is_shared(&ColumnGroups::one_by_one(0));
     }
 
     #[test]

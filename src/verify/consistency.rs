@@ -1,19 +1,23 @@
-//! The other two derivatives: damping matrix and damping force, energy and elastic force, by central differences.
+//! Energies and damping against the forces: G and the energy's gradient by central differences, energies as work.
+//!
+//! From x to x + w the elastic energy grows by `−∫₀¹ f_el(x + s w)·w ds`, the gravitational one by `−Σ m gravity·w`. Gauss's
+//! quadrature with eight nodes is exact to rounding as long as no spring changes by more than a twentieth: its integrand is
+//! analytic far around the interval.
 
-use super::check::{Check, worst};
-use super::claim::Claim;
-use super::coloring::ColumnGroups;
-use super::entries::for_each_entry;
+use super::TestCase;
+use super::check::{Check, Claim, Measured, ratio, worst};
+use super::coloring::{ColumnGroups, evaluate_moved};
+use super::comparison::{WorstEntries, wrong_size};
 use super::force_error::{ForceError, SECOND, U, block_rounding};
-use super::reduced::{random_vector, reduce};
-use super::verdict::{TABLE_ROWS, WorstEntries};
-use crate::force::SpringGeometry;
+use super::free_coordinates::{random_vector, reduce};
+use super::reference::{self, Link, field};
+use crate::force::{Energy, SpringGeometry, add_elastic_force, add_weight};
 use crate::operator::LinearOperator;
 use crate::system::{Dof, State, System};
 use nalgebra::Vector3;
 use nalgebra_sparse::CscMatrix;
 
-/// Random directions tried.
+/// Number of random directions.
 const DIRECTIONS: u64 = 4;
 
 /// Compares every entry of G with the central difference of the damping force by velocity.
@@ -32,46 +36,37 @@ pub fn damping_entries(
     let why = "1 is rounding: 80 u b for every damper of a particle and u of each sum, as f_d is linear in v and h is as large \
         as the velocities; no truncation";
     let check = |value, why: &str| Check::new(Claim::Consistency, "G against ∂f_d/∂v", scene, value, 1.0, why);
-    let n = system.dofs().len();
-    if (damping.nrows(), damping.ncols()) != (n, n) {
-        return check(f64::NAN, "G does not have one row and one column for each free coordinate");
+    if let Some(why) = wrong_size("G", damping, system.dofs().len()) {
+        return check(f64::NAN, &why);
     }
-    let mut allowed = vec![0.0; system.particles()];
-    let mut springs = vec![0.0; system.particles()];
+    let mut sums = vec![(0.0, 0.0); system.particles()];
     for (_, ends, spring) in system.active() {
         for end in ends {
-            springs[end] += 1.0;
-            allowed[end] += U * spring.damping;
+            sums[end].0 += 1.0;
+            sums[end].1 += U * spring.damping;
         }
     }
-    allowed.iter_mut().zip(&springs).for_each(|(allowed, springs)| *allowed *= 80.0 + 2.0 * springs);
+    let allowed: Vec<f64> = sums.iter().map(|(springs, damping)| damping * (80.0 + 2.0 * springs)).collect();
     let dofs: Vec<Dof> = system.dofs().iter().collect();
     let mut v = reduce(system, &state.velocities);
     let fastest = worst(state.velocities.iter().map(|v| v.amax()).chain([0.0]));
     let h = if fastest > 0.0 { fastest } else { 1.0 };
-    let (mut after, mut before) = (vec![0.0; n], vec![0.0; n]);
-    let mut entries = WorstEntries::new(TABLE_ROWS);
     let groups = ColumnGroups::of_system(system);
+    let mut entries = WorstEntries::new();
     for group in groups.groups() {
-        let at: Vec<f64> = group.iter().map(|&column| v[column]).collect();
-        group.iter().zip(&at).for_each(|(&column, at)| v[column] = at + h);
-        force(&v, &mut after);
-        group.iter().zip(&at).for_each(|(&column, at)| v[column] = at - h);
-        force(&v, &mut before);
-        group.iter().zip(&at).for_each(|(&column, at)| v[column] = *at);
-        for (&column, at) in group.iter().zip(&at) {
-            let width = (at + h) - (at - h);
-            for_each_entry(damping, column, groups.rows(column), |row, value, coupled| {
-                let quotient = if coupled { (after[row] - before[row]) / width } else { 0.0 };
-                let allowed = if coupled { allowed[dofs[row].particle] } else { 0.0 };
-                entries.compare(row, Some(column), value, quotient, allowed);
+        let after = evaluate_moved(&mut force, &mut v, group, |_, v| v + h);
+        let before = evaluate_moved(&mut force, &mut v, group, |_, v| v - h);
+        for &column in group {
+            let width = (v[column] + h) - (v[column] - h);
+            entries.compare_column(damping, column, groups.rows(column), |row| {
+                ((after[row] - before[row]) / width, allowed[dofs[row].particle])
             });
         }
     }
-    check(entries.worst(), why).with_table(entries.into_table(|entry| entry))
+    check(entries.worst, why).with_table(entries.into_table(|entry| entry))
 }
 
-/// Checks that damping only takes energy out: `vᵀG v ≤ 0` for random velocities, relative to `Σ b ‖v_i − v_j‖²`.
+/// Checks that damping only takes energy out: `vᵀG v ≤ 0` for random velocities, relative to `Σ b (‖v_i‖ + ‖v_j‖)²`.
 ///
 /// Sees a wrong sign of G; is blind to its size.
 pub fn damping_dissipates(system: &System, damping: &impl LinearOperator, scene: &str) -> Check {
@@ -86,15 +81,11 @@ pub fn damping_dissipates(system: &System, damping: &impl LinearOperator, scene:
         let v = random_vector(n, seed);
         let mut f = vec![0.0; n];
         damping.apply(&v, &mut f);
-        let scale: f64 = system
-            .active()
-            .map(|(_, [i, j], s)| {
-                let [vi, vj] = [i, j].map(|end| system.dofs().get(&v, end));
-                s.damping * (vi.norm() + vj.norm()).powi(2)
-            })
-            .sum();
-        let power: f64 = v.iter().zip(&f).map(|(v, f)| v * f).sum();
-        if power == 0.0 { 0.0 } else { power / scale }
+        let scale = system.active().map(|(_, ends, spring)| {
+            let [vi, vj] = ends.map(|end| system.dofs().get(&v, end).norm());
+            spring.damping * (vi + vj).powi(2)
+        });
+        ratio(v.iter().zip(&f).map(|(v, f)| v * f).sum(), scale.sum())
     };
     check(worst((0..DIRECTIONS).map(power)), why)
 }
@@ -102,9 +93,9 @@ pub fn damping_dissipates(system: &System, damping: &impl LinearOperator, scene:
 /// Compares the elastic force with the slope of the elastic energy, `f·w = −dU(x + s w)/ds`, by central differences.
 ///
 /// `energy` is U over the free coordinates, in J; `force` is f_el under test, in N. Value: the largest error over
-/// random directions as a multiple of what truncation and rounding of the whole sum allow. Sees a force or an energy
-/// that is wrong somewhere by more than about 1e-8 of the whole; is blind to faults of single weak springs in large
-/// scenes, which [`force_against_energy`](super::force_against_energy) sees.
+/// random directions as a multiple of truncation and rounding of the whole sum. Sees a force or an energy that is wrong
+/// somewhere by more than about 1e-8 of the whole; is blind to faults of single weak springs in large scenes, which
+/// [`force_against_energy`](super::force_against_energy) sees.
 pub fn energy_slope(
     system: &System,
     state: &State,
@@ -117,16 +108,16 @@ pub fn energy_slope(
     if force.len() != system.dofs().len() {
         return check(f64::NAN, "the force does not have one component for each free coordinate".into());
     }
-    let extensions = match SpringGeometry::at(system, &state.positions) {
-        Ok(extensions) => extensions,
+    let geometry = match SpringGeometry::at(system, &state.positions) {
+        Ok(geometry) => geometry,
         Err(degenerate) => return check(f64::NAN, degenerate.to_string()),
     };
-    let error = ForceError::new(system, &extensions);
+    let error = ForceError::new(system, &geometry);
     let x = reduce(system, &state.positions);
-    let mut relative = 0.0;
-    let ratios = (0..DIRECTIONS).map(|seed| {
-        let w = direction(system, &error, seed);
-        let bounds = Bounds::new(system, &error, state, &w, force);
+    let (mut value, mut relative) = (0.0, 0.0);
+    for seed in 0..DIRECTIONS {
+        let w = error.direction(seed);
+        let bounds = SlopeBounds::new(&error, state, &w, force);
         let h = (bounds.rounding(energy(&x)) / (2.0 * bounds.curvature)).cbrt();
         let h = if h.is_finite() { h.clamp(bounds.resolved, 0.125) } else { 0.125 };
         let along = |sign: f64| -> Vec<f64> { x.iter().zip(&w).map(|(x, w)| x + sign * h * w).collect() };
@@ -135,11 +126,10 @@ pub fn energy_slope(
         let moved = ahead.iter().zip(&behind).map(|(a, b)| a - b);
         let work: f64 = moved.zip(force).map(|(moved, f)| moved * f).sum();
         let mismatch = (difference + work).abs() / (2.0 * h);
-        let allowed = bounds.allowed(h, energy(&x));
+        let allowed = bounds.curvature * h * h + bounds.rounding(energy(&x)) / h + bounds.slope;
         relative = worst([relative, mismatch / bounds.force]);
-        if mismatch == 0.0 { 0.0 } else { mismatch / allowed }
-    });
-    let value = worst(ratios.collect::<Vec<_>>());
+        value = worst([value, ratio(mismatch, allowed)]);
+    }
     let why = format!(
         "1 is truncation (2/√3) k h² δ³/(6 (l − hδ)²) of each spring and rounding of U, u for each spring of the sum, over h; \
          the mismatch is {relative:.1e} of Σ k δ"
@@ -147,20 +137,9 @@ pub fn energy_slope(
     check(value, why)
 }
 
-/// A random direction that moves no particle by more than half of its shortest spring.
-fn direction(system: &System, error: &ForceError, seed: u64) -> Vec<f64> {
-    let mut w = random_vector(system.dofs().len(), seed);
-    for particle in 0..system.particles() {
-        let shortest = error.shortest(particle);
-        let reach = if shortest.is_finite() { shortest / (2.0 * 3.0_f64.sqrt()) } else { 0.0 };
-        w[system.dofs().rows(particle)].iter_mut().for_each(|w| *w *= reach);
-    }
-    w
-}
-
 /// Error bounds of the energy's difference quotient along one direction.
-struct Bounds {
-    /// Factor of h² in the truncation error, with lengths as short as an eighth of the way makes them.
+struct SlopeBounds {
+    /// Factor of h² in the truncation error, at the lengths that h = 1/8 leaves.
     curvature: f64,
     /// Rounding of the energies of single springs, in J.
     springs: f64,
@@ -168,21 +147,22 @@ struct Bounds {
     sum: f64,
     /// Rounding of the force, of its product with w, and of the middle of the two points, in J.
     slope: f64,
-    /// `Σ k ‖δ‖`, in J: the size of the terms that f·w is made of.
+    /// `Σ k ‖δ‖`, in J: the size of the terms of f·w.
     force: f64,
     /// The smallest h at which x ± h w is resolved.
     resolved: f64,
 }
 
-impl Bounds {
-    fn new(system: &System, error: &ForceError, state: &State, w: &[f64], force: &[f64]) -> Self {
-        let dofs = system.dofs();
-        let moves: Vec<Vector3<f64>> = (0..system.particles()).map(|particle| dofs.get(w, particle)).collect();
+impl SlopeBounds {
+    fn new(error: &ForceError, state: &State, w: &[f64], force: &[f64]) -> Self {
+        let system = error.system;
+        let particles = 0..system.particles();
+        let moves: Vec<_> = particles.clone().map(|particle| system.dofs().get(w, particle)).collect();
         let (mut curvature, mut springs, mut scale, mut middle) = (0.0, 0.0, 0.0, 0.0);
-        for link in error.links() {
+        for link in &error.links {
             let [i, j] = link.ends;
-            let (delta, l, l0, k) =
-                ((moves[i] - moves[j]).norm(), link.at.length, link.spring.rest_length, link.spring.stiffness);
+            let (l, l0, k) = (link.at.length, link.spring.rest_length, link.spring.stiffness);
+            let delta = (moves[i] - moves[j]).norm();
             let strain = link.spring.strain(link.at).abs() + 0.125 * delta / l0;
             curvature += SECOND * k * delta.powi(3) / (6.0 * (l - 0.125 * delta).powi(2));
             springs += U * k * l0 * strain * (4.0 * (l + delta) / l0 + 6.0 * strain);
@@ -191,21 +171,106 @@ impl Bounds {
             middle += off * delta * (block_rounding(link.spring, link.at) / (12.0 * U));
         }
         let product: f64 = force.iter().zip(w).map(|(f, w)| (f * w).abs()).sum();
-        let own: f64 = moves.iter().enumerate().map(|(particle, w)| error.rounding(particle) * w.norm() * 2.0).sum();
+        let own: f64 = moves.iter().zip(&error.rounding).map(|(w, rounding)| rounding * w.norm() * 2.0).sum();
         let slope = middle + own + U * force.len() as f64 * product;
-        let far = |particle: usize| {
-            let shortest = error.shortest(particle);
-            if shortest.is_finite() { 128.0 * U * state.positions[particle].amax() / shortest } else { 0.0 }
-        };
-        let resolved = (0..system.particles()).map(far).fold(0.0, f64::max).min(0.125);
+        // Zero without a spring, whose shortest length is infinite.
+        let resolved = particles.map(|p| 128.0 * U * state.positions[p].amax() / error.shortest(p));
+        let resolved = resolved.fold(0.0, f64::max).min(0.125);
         Self { curvature, springs, sum: U * system.springs().len() as f64, slope, force: scale, resolved }
     }
 
     fn rounding(&self, energy: f64) -> f64 {
         self.springs + self.sum * energy
     }
+}
 
-    fn allowed(&self, h: f64, energy: f64) -> f64 {
-        self.curvature * h * h + self.rounding(energy) / h + self.slope
+/// Nodes in (0, 1) and weights of Gauss's quadrature with eight points (Abramowitz and Stegun, table 25.4), one half.
+const NODES: [(f64, f64); 4] = [
+    (0.183_434_642_495_649_8, 0.362_683_783_378_362),
+    (0.525_532_409_916_329, 0.313_706_645_877_887_3),
+    (0.796_666_477_413_626_7, 0.222_381_034_453_374_5),
+    (0.960_289_856_497_536_3, 0.101_228_536_290_376_3),
+];
+
+/// The growth of the energies along a short displacement against the work of the forces.
+pub(super) fn work_energy(case: &TestCase) -> Measured {
+    let TestCase { system, state, .. } = case;
+    let links = reference::links(system, &state.positions);
+    let shortest = links.iter().map(|link| link.length).fold(f64::INFINITY, f64::min);
+    let shortest = if shortest.is_finite() { shortest } else { case.extent() };
+    // Both ends move by at most 3^(1/2) of a component each.
+    let free: Vec<f64> = reduce(system, &field(system)).iter().map(|w| w * (shortest / 80.0)).collect();
+    let w: Vec<Vector3<f64>> = (0..system.particles()).map(|p| system.dofs().get(&free, p)).collect();
+    let at = |s: f64| {
+        let moved = state.positions.iter().zip(&w).map(|(x, w)| x + w * s);
+        State { positions: moved.collect(), ..state.clone() }
+    };
+    let (mut elastic, mut weight) = (0.0, 0.0);
+    for (node, share) in NODES.into_iter().flat_map(|(x, share)| [(-x, share), (x, share)]) {
+        let geometry = SpringGeometry::at(system, &at(0.5 + 0.5 * node).positions)?;
+        let mut force = vec![Vector3::zeros(); w.len()];
+        add_elastic_force(system, &geometry, &mut force);
+        elastic += 0.5 * share * dot(&force, &w);
+        force.fill(Vector3::zeros());
+        add_weight(system, &mut force);
+        weight += 0.5 * share * dot(&force, &w);
+    }
+    let (before, after) = (Energy::of(system, state), Energy::of(system, &at(1.0)));
+    let check = |name: &str, error: f64, unit, bound, why: &str| {
+        Check::new(Claim::Consistency, name, &case.name, ratio(error.abs(), unit), bound, why)
+    };
+    let bound = 30.0 + (w.len() + links.len()) as f64;
+    let unit = elastic_unit(&links, [before.elastic, after.elastic], &w, &state.positions);
+    let why = "in units of rounding: of the energies, of the work, and of the positions times the force; sums of n terms \
+               add n of them, and the quadrature none";
+    let elastic = check("elastic energy is work", after.elastic - before.elastic + elastic, unit, bound, why);
+    let unit = weight_unit(system, &state.positions);
+    let error = after.gravitational - before.gravitational + weight;
+    let why = "in units of rounding of the energy, u Σ m |gravity| |x|; a sum of n terms adds n of them";
+    Ok(vec![elastic, check("gravitational energy is work", error, unit, bound, why)])
+}
+
+/// The rounding of two energies, of the work along w and of the positions times the force.
+fn elastic_unit(links: &[Link], energies: [f64; 2], w: &[Vector3<f64>], positions: &[Vector3<f64>]) -> f64 {
+    let pull = reference::pull(links, w.len());
+    let work: f64 = pull.iter().zip(w).map(|(f, w)| f * w.norm()).sum();
+    let arms = reference::magnitude(links, |link| link.elastic_force().norm(), positions);
+    U * (energies[0] + energies[1] + work + arms.iter().sum::<f64>())
+}
+
+/// `u Σ m |gravity| |x|`.
+fn weight_unit(system: &System, positions: &[Vector3<f64>]) -> f64 {
+    let heights: f64 = system.masses().iter().zip(positions).map(|(m, x)| m * x.norm()).sum();
+    U * heights * system.gravity().norm()
+}
+
+fn dot(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a.dot(b)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verify::fixtures;
+
+    /// The pulls are 10, 37 and 27 N, so that moves of 1/2 and 1 m are work of 5 + 37 J; forces of 2 and 3 N have arms of 5 and 13 m, at
+    /// both of their ends.
+    #[test]
+    fn units_of_rounding_by_hand() {
+        let (system, state) = fixtures::line().build().unwrap();
+        let links = reference::links(&system, &state.positions);
+        let w = [0.5, -1.0, 0.0].map(|x| Vector3::new(x, 0.0, 0.0));
+        assert_eq!(elastic_unit(&links, [7.0, 11.0], &w, &state.positions), U * (18.0 + 42.0 + 2.0 * (10.0 + 39.0)));
+        assert_eq!(weight_unit(&system, &state.positions), U * (2.0 + 4.0 + 45.0) * 2.0);
+        assert_eq!(dot(&w, &[2.0, 3.0, 4.0].map(|x| Vector3::new(x, 1.0, 1.0))), -2.0);
+    }
+
+    /// Along a bent chain, stretched here and compressed there, the quadrature finds the work up to rounding.
+    #[test]
+    fn energies_of_a_chain_are_the_work_of_its_forces() {
+        let checks = work_energy(&fixtures::chain(6, 0.1)).unwrap();
+        let names: Vec<&str> = checks.iter().map(|check| check.name.as_str()).collect();
+        assert_eq!(names, ["elastic energy is work", "gravitational energy is work"]);
+        assert!(checks.iter().all(|check| check.passed() && check.bound == 30.0 + 6.0 + 5.0));
     }
 }

@@ -5,12 +5,14 @@
 //! short enough to resolve every vibration: stiff scenes show less than the order until they are.
 //!
 //! This shows orders of up to two. Where errors of higher orders are asymptotic they are soon below rounding; such methods are
-//! held to known motions.
+//! compared with known motions.
 
-use super::measured::Measured;
-use super::reference;
-use super::runs::{Way, direct};
-use super::{Check, Claim, ErrorCurve, TestCase, U, order_checks};
+use super::TestCase;
+use super::check::{Check, Claim, Measured};
+use super::force_error::U;
+use super::free_coordinates::reduce;
+use super::runs::{MethodVariant, direct};
+use crate::figure::{Guide, Plot, Series};
 use crate::linear::norm;
 use crate::system::State;
 
@@ -21,73 +23,154 @@ const HALVINGS: usize = 4;
 /// Degrees of freedom up to which the many short runs are affordable.
 const AFFORDABLE: usize = 2000;
 
+/// The largest distance of an observed order from theory: the next order's part over two halvings once errors are asymptotic.
+const TOLERANCE: f64 = 0.2;
+
+/// Errors of one method over the step, coarsest step first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ErrorCurve {
+    /// The method's name.
+    pub method: String,
+    /// The order that theory gives.
+    pub order: u32,
+    /// Step, in s, and error, in m.
+    pub points: Vec<(f64, f64)>,
+}
+
+impl ErrorCurve {
+    /// The slopes between neighbouring steps.
+    fn slopes(&self) -> Vec<f64> {
+        let slope = |pair: &[(f64, f64)]| (pair[0].1 / pair[1].1).ln() / (pair[0].0 / pair[1].0).ln();
+        self.points.windows(2).map(slope).collect()
+    }
+
+    /// The slope between the two shortest steps; NaN with fewer than two.
+    pub fn observed(&self) -> f64 {
+        self.slopes().last().copied().unwrap_or(f64::NAN)
+    }
+
+    /// The distance of the observed order from theory.
+    fn deviation(&self) -> f64 {
+        (self.observed() - f64::from(self.order)).abs()
+    }
+
+    /// The reason why the curve says nothing of the order, if there is one: errors do not fall with one power yet, or with a higher one
+    /// than that of the leading term, which then vanishes.
+    fn unclear(&self) -> Option<String> {
+        let [.., before, last] = self.slopes()[..] else { return None };
+        let order = f64::from(self.order);
+        if (last - order).abs() <= TOLERANCE {
+            None
+        } else if last > order {
+            Some(format!(
+                "errors fall with the power {last:.1} of the step: the leading term, of order {order}, vanishes"
+            ))
+        } else {
+            ((last - before).abs() > 0.5 * TOLERANCE).then(|| {
+                format!("errors do not fall with one power of the step yet: slopes of {before:.2} and {last:.2}")
+            })
+        }
+    }
+}
+
+/// One check a curve: the distance of the observed order from theory. For each order the plot of all its curves goes with
+/// the check that is farthest off.
+pub fn order_checks(name: &str, scene: &str, error: &str, curves: Vec<ErrorCurve>) -> Vec<Check> {
+    let why = "distance of the observed order from theory; the part of the next order at these steps is below 0.2";
+    let check = |curve: &ErrorCurve| {
+        let name = format!("{name}, {}", curve.method);
+        Check::new(Claim::Convergence, name, scene, curve.deviation(), TOLERANCE, why)
+    };
+    let mut checks: Vec<Check> = curves.iter().map(check).collect();
+    let mut orders: Vec<u32> = curves.iter().map(|curve| curve.order).collect();
+    orders.sort_unstable();
+    orders.dedup();
+    for order in orders {
+        let of_order = || curves.iter().enumerate().filter(move |(_, curve)| curve.order == order);
+        let through = of_order().find_map(|(_, curve)| curve.points.first().copied());
+        let mut plot = Plot::log_log(format!("{name}, {scene}"), "step, s", error);
+        let observed = || of_order().map(|(_, curve)| curve.observed());
+        let (least, most) = (observed().fold(f64::INFINITY, f64::min), observed().fold(f64::NEG_INFINITY, f64::max));
+        plot.conclusion = format!("Observed orders lie between {least:.2} and {most:.2}; theory gives {order}.");
+        plot.guides.extend(through.map(|through| Guide::Slope { slope: f64::from(order), through }));
+        plot.series.extend(
+            of_order().map(|(_, curve)| Series::line(&curve.method, curve.points.clone()).with_slope(curve.observed())),
+        );
+        // NaN counts as farthest.
+        let farthest = of_order().max_by(|(_, a), (_, b)| a.deviation().total_cmp(&b.deviation()));
+        if let Some(check) = farthest.and_then(|(index, _)| checks.get_mut(index)) {
+            check.curves.push(plot);
+        }
+    }
+    checks
+}
+
 /// The coarsest step: z = ω h ≤ 1/8 for every vibration.
-pub(super) fn coarsest(subject: &TestCase) -> f64 {
-    subject.dt.min(subject.resolving_step() / 4.0)
+pub(super) fn coarsest(case: &TestCase) -> f64 {
+    case.dt.min(case.resolving_step() / 4.0)
 }
 
 /// Where the vibrations are not much faster than the scene's step, and something is moving: the first-order error
 /// `½ a T h` of the finest run must have digits.
-pub(super) fn is_soft(subject: &TestCase) -> bool {
-    let h = coarsest(subject);
-    let dofs = subject.system.dofs().len();
-    if !(1..=AFFORDABLE).contains(&dofs) || h < subject.dt / 20.0 {
+pub(super) fn is_soft(case: &TestCase) -> bool {
+    let h = coarsest(case);
+    let dofs = case.system.dofs().len();
+    if !(1..=AFFORDABLE).contains(&dofs) || h < case.dt / 20.0 {
         return false;
     }
-    first_order_error(subject, h) > 100.0 * rounding(subject)
+    first_order_error(case, h) > 100.0 * rounding(case)
 }
 
 /// `½ a T h` of the finest run, of which h is the step of the coarsest.
-fn first_order_error(subject: &TestCase, h: f64) -> f64 {
-    let largest = norm(&reference::free(&subject.system, &subject.accelerations()));
+fn first_order_error(case: &TestCase, h: f64) -> f64 {
+    let largest = norm(&reduce(&case.system, &case.accelerations()));
     0.5 * largest * (STEPS as f64 * h) * h / (1 << HALVINGS) as f64
 }
 
-/// What rounding does to the end of the longest run: u a step.
-fn rounding(subject: &TestCase) -> f64 {
-    U * (subject.extent() + subject.centre().norm()) * (STEPS << HALVINGS) as f64
+/// The rounding of the end of the longest run: u a step.
+fn rounding(case: &TestCase) -> f64 {
+    U * (case.extent() + case.centre().norm()) * (STEPS << HALVINGS) as f64
 }
 
-pub(super) fn measure(subject: &TestCase) -> Measured {
-    let h = coarsest(subject).min(0.9 * subject.time_to_kink() / STEPS as f64);
-    let mut curves = Vec::new();
-    let mut unclear = Vec::new();
-    for way in Way::of(subject).filter(|way| way.method.order() <= 2) {
+pub(super) fn measure(case: &TestCase) -> Measured {
+    let h = coarsest(case).min(0.9 * case.time_to_kink() / STEPS as f64);
+    let not_judged = |name: String, reason: String| Check::not_judged(Claim::Convergence, name, &case.name, reason);
+    let (mut curves, mut unclear) = (Vec::new(), Vec::new());
+    for variant in MethodVariant::of(case).filter(|variant| variant.method.order() <= 2) {
+        let step = |halving: usize| h / (1 << halving) as f64;
         let mut ends = Vec::new();
         for halving in 0..=HALVINGS {
-            let parts = 1 << halving;
-            let states = way.run(subject, direct(), h / parts as f64, STEPS * parts)?;
+            let states = variant.run(case, direct(), step(halving), STEPS << halving)?;
             ends.extend(states.and_then(|states| states.last().cloned()));
         }
         if ends.len() <= HALVINGS {
             continue;
         }
-        let distances: Vec<f64> = ends.windows(2).map(|pair| distance(&pair[0], &pair[1])).collect();
+        let distances = ends.windows(2).map(|pair| distance(&pair[0], &pair[1]));
+        let points: Vec<_> = distances.enumerate().map(|(halving, distance)| (step(halving), distance)).collect();
         // Below a hundred roundings a distance has no two digits.
-        if distances.iter().any(|&distance| distance < 100.0 * rounding(subject)) {
+        if points.iter().any(|&(_, distance)| distance < 100.0 * rounding(case)) {
             continue;
         }
-        let step = |halving: usize| h / (1 << halving) as f64;
-        let points = distances.into_iter().enumerate().map(|(halving, distance)| (step(halving), distance)).collect();
-        let curve = ErrorCurve { method: way.name(), order: way.method.order(), points };
-        match curve.unclear().or_else(|| if curve.is_off() { subject.passing(STEPS as f64 * h) } else { None }) {
-            Some(reason) => {
-                let name = format!("observed order, {}", curve.method);
-                unclear.push(Check::not_judged(Claim::Convergence, name, &subject.name, reason));
-            }
+        let curve = ErrorCurve { method: variant.name(), order: variant.method.order(), points };
+        let is_right = curve.deviation() <= TOLERANCE;
+        let passing = || if is_right { None } else { case.passing(STEPS as f64 * h) };
+        match curve.unclear().or_else(passing) {
+            Some(reason) => unclear.push(not_judged(format!("observed order, {}", curve.method), reason)),
             None => curves.push(curve),
         }
     }
     if curves.is_empty() && unclear.is_empty() {
         let reason = "no method makes errors of a hundred roundings at steps that resolve every vibration";
-        return Ok(vec![Check::not_judged(Claim::Convergence, "observed order", &subject.name, reason)]);
+        return Ok(vec![not_judged("observed order".into(), reason.into())]);
     }
-    let mut checks = order_checks("observed order", &subject.name, "‖x(h) − x(h/2)‖, m", curves);
+    let mut checks = order_checks("observed order", &case.name, "‖x(h) − x(h/2)‖, m", curves);
     checks.extend(unclear);
     Ok(checks)
 }
 
-fn distance(a: &State, b: &State) -> f64 {
+/// The Euclidean distance of the positions of two states, in m.
+pub(super) fn distance(a: &State, b: &State) -> f64 {
     a.positions.iter().zip(&b.positions).map(|(x, y)| (x - y).norm_squared()).sum::<f64>().sqrt()
 }
 
@@ -96,6 +179,7 @@ mod tests {
     use super::*;
     use crate::spring::Spring;
     use crate::system::SystemBuilder;
+    use crate::verify::fixtures::case;
 
     /// 2 kg on a spring of k = 8 N that is 3 m long, 2 m at rest: `ω² ≤ 2 (8/2)/2`, so that steps of 1/4 s resolve it.
     fn pulled(dt: f64) -> TestCase {
@@ -105,8 +189,7 @@ mod tests {
         builder.spring(bob, anchor, Spring { stiffness: 8.0, rest_length: 2.0, damping: 0.5 });
         builder.velocities[bob].x = 1.0;
         builder.hold(anchor);
-        let (system, state) = builder.build().unwrap();
-        TestCase { name: "pulled".into(), system, state, dt }
+        case(builder, dt)
     }
 
     /// The acceleration is `(4 − 1/2)/2 − 3 = −5/4` m/s²; eight steps of 1/4 s are two seconds, and the finest ones sixteen times shorter.

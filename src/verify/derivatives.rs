@@ -1,13 +1,11 @@
-//! The checks of forces, blocks and matrices against derivatives, on a subject.
+//! The checks of forces, blocks and matrices against derivatives, on a scene.
 
+use super::check::Measured;
 use super::consistency::{damping_dissipates, damping_entries, energy_slope};
-use super::damping_turn::damping_turns;
-use super::difference::{spring_blocks, stiffness_entries};
-use super::dropped::dropped_terms;
-use super::dual::{blocks_against_duals, force_against_energy, stiffness_against_duals};
+use super::dual::{damping_turns, force_against_energy};
+use super::free_coordinates::{damping_force, elastic_energy, elastic_force, reduce};
 use super::jacobian::{JacobianOptions, check_jacobian};
-use super::measured::Measured;
-use super::reduced::{damping_force, elastic_energy, elastic_force, reduce};
+use super::stiffness::{blocks_against_duals, spring_blocks, stiffness_against_duals, stiffness_entries};
 use super::v_curve::v_curve;
 use super::{Check, Claim, TestCase};
 use crate::integrate::StepMatrices;
@@ -18,8 +16,8 @@ use nalgebra::Matrix3;
 const ONE_BY_ONE_LIMIT: usize = 120;
 
 /// K under the full stiffness along random directions, entry by entry, and spring by spring.
-pub(super) fn jacobian(subject: &TestCase) -> Measured {
-    let TestCase { name, system, state, dt } = subject;
+pub(super) fn jacobian(case: &TestCase) -> Measured {
+    let TestCase { name, system, state, dt } = case;
     let k = StepMatrices::assemble(system, state, Stiffness::Full, *dt)?.k;
     let block =
         |spring: &Spring, at: &Extension| -> Matrix3<f64> { spring.stiffness_block(at, Stiffness::Full).matrix() };
@@ -40,20 +38,20 @@ pub(super) fn jacobian(subject: &TestCase) -> Measured {
     Ok(checks)
 }
 
-/// What `tension` and `axial` leave out of K.
-pub(super) fn dropped(subject: &TestCase) -> Measured {
-    let TestCase { name, system, state, dt } = subject;
+/// The terms that `tension` and `axial` drop from K.
+pub(super) fn dropped_terms(case: &TestCase) -> Measured {
+    let TestCase { name, system, state, dt } = case;
     let mut checks = Vec::new();
     for option in [Stiffness::Tension, Stiffness::Axial] {
         let k = StepMatrices::assemble(system, state, option, *dt)?.k;
-        checks.extend(dropped_terms(system, state, elastic_force(system, state), option, &k, name));
+        checks.extend(super::dropped_terms(system, state, elastic_force(system, state), option, &k, name));
     }
     Ok(checks)
 }
 
 /// The elastic force against its energy, and G against the damping force.
-pub(super) fn consistency(subject: &TestCase) -> Measured {
-    let TestCase { name, system, state, dt } = subject;
+pub(super) fn consistency(case: &TestCase) -> Measured {
+    let TestCase { name, system, state, dt } = case;
     let mut force = vec![0.0; system.dofs().len()];
     elastic_force(system, state)(&reduce(system, &state.positions), &mut force);
     let mut checks = vec![

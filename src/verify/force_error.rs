@@ -1,4 +1,4 @@
-//! How far a central difference of the elastic force may be from its derivative.
+//! Error bounds of central differences of the elastic force.
 //!
 //! A spring's force is `f = −(k/l0) d + k n(d)`, `n = d/‖d‖`: only n is curved. Along a displacement δ of d, with θ the
 //! angle between δ and n, its second and third derivatives have the norms
@@ -10,14 +10,14 @@
 //!
 //! (differentiate the angle `atan(s sin θ/(1 + s cos θ))` that n turns by). So the central difference over ±h differs
 //! from the derivative by at most `k h² ‖δ‖³/(2 (l − h‖δ‖)³)`, by Taylor's theorem with the remainder taken at the
-//! shortest length on the way. If x ± h round to a pair whose middle is off by m, the difference is the derivative
-//! elsewhere, by at most `(2/√3) k m ‖δ‖/l²`.
+//! shortest length in between. If x ± h round to a pair whose middle is off by m, the difference is the derivative
+//! elsewhere, wrong by at most `(2/√3) k m ‖δ‖/l²`.
 //!
 //! Rounding: a computed d has a relative error of u, l one of 3.5 u, n one of 5.5 u; the strain is off by `3.5 u l/l0`
 //! and twice u of itself. With two more products the force is off by at most `13 u k max(1, l/l0)`, 15 u over lengths
 //! within l/8. Adding the forces of all springs at a particle adds u of their sum of magnitudes for every spring.
 
-use super::coloring::Lists;
+use super::free_coordinates::random_vector;
 use crate::force::SpringGeometry;
 use crate::spring::{Extension, Spring};
 use crate::system::System;
@@ -33,8 +33,7 @@ pub(super) fn force_rounding(spring: &Spring, at: &Extension) -> f64 {
     15.0 * U * spring.stiffness * (at.length / spring.rest_length).max(1.0)
 }
 
-/// Bound of the rounding error of an entry of one spring's block, computed by any stable formula, in N/m: each of the
-/// terms k/l0 and k/l is rounded a few times, 12 all told.
+/// Bound of the rounding error of an entry of one spring's block by any stable formula, in N/m: k/l0 and k/l are rounded 12 times.
 pub(super) fn block_rounding(spring: &Spring, at: &Extension) -> f64 {
     12.0 * U * spring.stiffness * (1.0 / spring.rest_length + 1.0 / at.length)
 }
@@ -50,19 +49,19 @@ pub(super) fn curvature(spring: &Spring, at: &Extension) -> f64 {
     0.5 * spring.stiffness / at.length.powi(3)
 }
 
-/// Bound of everything but the rounding of forces: truncation, a middle that is off, the rounding of the block itself.
-pub(super) fn own_error(spring: &Spring, at: &Extension, step: Step) -> f64 {
+/// Bound of all errors but the rounding of forces: truncation, the offset of the middle, the rounding of the block itself.
+pub(super) fn spring_error(spring: &Spring, at: &Extension, step: Step) -> f64 {
     let h = 0.5 * step.width();
     let moved = SECOND * spring.stiffness * step.offset / (at.length - h).powi(2);
     truncation(spring, at, h, 1.0) + moved + block_rounding(spring, at)
 }
 
-/// A step as it really is after rounding.
+/// A central difference's two points after rounding.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Step {
     pub forward: f64,
     pub backward: f64,
-    /// How far the middle is from where the derivative is wanted.
+    /// The distance of the middle from the wanted point.
     offset: f64,
 }
 
@@ -71,14 +70,14 @@ impl Step {
     /// length, and at least 16 units in the last place of x.
     pub fn best(x: f64, rounding: f64, curvature: f64, length: f64) -> Self {
         let best = (rounding / (2.0 * curvature)).cbrt();
-        // Where no spring is, the force is zero and any step will do.
+        // Without a spring the force is zero and any step will do.
         let h = if best.is_finite() { best.min(length / 8.0) } else { 1.0 };
         let h = h.max(32.0 * U * x.abs());
         let (forward, backward) = (x + h, x - h);
         Self { forward, backward, offset: 0.5 * ((forward - x) - (x - backward)).abs() }
     }
 
-    /// The distance of the two points: exact, where h is small against x, by Sterbenz' lemma.
+    /// The distance of the two points: exact where h is small against x, by Sterbenz' lemma.
     pub fn width(&self) -> f64 {
         self.forward - self.backward
     }
@@ -93,55 +92,42 @@ pub(super) struct Link<'a> {
     pub at: &'a Extension,
 }
 
-impl Link<'_> {
-    fn other(&self, particle: usize) -> usize {
-        if self.ends[0] == particle { self.ends[1] } else { self.ends[0] }
-    }
-}
-
 /// The error analysis of f_el at one configuration.
 pub(super) struct ForceError<'a> {
-    links: Vec<Link<'a>>,
+    pub system: &'a System,
+    pub links: Vec<Link<'a>>,
     /// Positions in `links` of every particle's springs.
-    at: Lists,
+    at: Vec<Vec<usize>>,
     /// Bound of the rounding error of the force on every particle, in N.
-    rounding: Vec<f64>,
+    pub rounding: Vec<f64>,
 }
 
 impl<'a> ForceError<'a> {
-    pub fn new(system: &'a System, extensions: &'a SpringGeometry) -> Self {
+    pub fn new(system: &'a System, geometry: &'a SpringGeometry) -> Self {
         let link = |((index, ends, spring), at)| Link { index, ends, spring, at };
-        let links: Vec<_> = extensions.springs(system).map(link).collect();
-        let ends = Lists::new(links.iter().map(|link| link.ends.map(|end| end as u32).into_iter()));
-        let at = ends.transposed(system.particles());
-        let of_particle = |particle: usize| {
-            let mine = || at.of(particle).iter().map(|&position| links[position as usize]);
-            let own: f64 = mine().map(|link| force_rounding(link.spring, link.at)).sum();
-            let magnitude: f64 = mine().map(|link| link.spring.elastic_force(link.at).norm()).sum();
-            own + mine().count() as f64 * U * magnitude
+        let links: Vec<Link> = geometry.springs(system).map(link).collect();
+        let mut at = vec![Vec::new(); system.particles()];
+        for (position, link) in links.iter().enumerate() {
+            link.ends.iter().for_each(|&end| at[end].push(position));
+        }
+        let of_particle = |positions: &Vec<usize>| {
+            let own = || positions.iter().map(|&position| links[position]);
+            let springs: f64 = own().map(|link| force_rounding(link.spring, link.at)).sum();
+            let magnitude: f64 = own().map(|link| link.spring.elastic_force(link.at).norm()).sum();
+            springs + positions.len() as f64 * U * magnitude
         };
-        let rounding = (0..system.particles()).map(of_particle).collect();
-        Self { links, at, rounding }
-    }
-
-    /// All springs.
-    pub fn links(&self) -> &[Link<'a>] {
-        &self.links
+        let rounding = at.iter().map(of_particle).collect();
+        Self { system, links, at, rounding }
     }
 
     /// The springs that end at a particle.
     pub fn links_at(&self, particle: usize) -> impl Iterator<Item = Link<'a>> + '_ {
-        self.at.of(particle).iter().map(move |&position| self.links[position as usize])
+        self.at[particle].iter().map(move |&position| self.links[position])
     }
 
     /// The springs that put a block at the rows of one particle and the columns of another, or the same.
     pub fn links_between(&self, row: usize, column: usize) -> impl Iterator<Item = Link<'a>> + '_ {
-        self.links_at(column).filter(move |link| row == column || link.other(column) == row)
-    }
-
-    /// Bound of the rounding error of the force on a particle, in N.
-    pub fn rounding(&self, particle: usize) -> f64 {
-        self.rounding[particle]
+        self.links_at(column).filter(move |link| row == column || link.ends.contains(&row))
     }
 
     /// The length of the shortest spring at a particle, in m; infinite without one.
@@ -149,27 +135,40 @@ impl<'a> ForceError<'a> {
         self.links_at(particle).map(|link| link.at.length).fold(f64::INFINITY, f64::min)
     }
 
+    /// `l/(2√3)` of the shortest spring at a particle, in m: with three such components it moves by half of that spring. Zero without one.
+    pub fn displacement(&self, particle: usize) -> f64 {
+        let shortest = self.shortest(particle);
+        if shortest.is_finite() { shortest / (2.0 * 3.0_f64.sqrt()) } else { 0.0 }
+    }
+
+    /// A random direction that moves no particle by more than half of its shortest spring, reduced.
+    pub fn direction(&self, seed: u64) -> Vec<f64> {
+        let dofs = self.system.dofs();
+        let mut w = random_vector(dofs.len(), seed);
+        for particle in 0..self.system.particles() {
+            w[dofs.rows(particle)].iter_mut().for_each(|w| *w *= self.displacement(particle));
+        }
+        w
+    }
+
     /// The step for a coordinate x of a particle.
     pub fn step(&self, particle: usize, x: f64) -> Step {
         let curvature = self.links_at(particle).map(|link| curvature(link.spring, link.at)).sum();
-        Step::best(x, self.rounding(particle), curvature, self.shortest(particle))
+        Step::best(x, self.rounding[particle], curvature, self.shortest(particle))
     }
 
-    /// How much the difference quotient of the force on `row` along a coordinate of `column` may be off, in N/m.
+    /// Bound of the error of the difference quotient of the force on `row` along a coordinate of `column`, in N/m.
     pub fn allowed(&self, row: usize, column: usize, step: Step) -> f64 {
-        let own: f64 = self.links_between(row, column).map(|link| own_error(link.spring, link.at, step)).sum();
-        own + self.rounding(row) / (0.5 * step.width())
+        let own: f64 = self.links_between(row, column).map(|link| spring_error(link.spring, link.at, step)).sum();
+        own + self.rounding[row] / (0.5 * step.width())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::verify::fixtures::assert_close;
     use nalgebra::Vector3;
-
-    fn is(value: f64, expected: f64) {
-        assert!((value / expected - 1.0).abs() < 1e-14, "{value:e} is not {expected:e}");
-    }
 
     /// Over ±1/4 m, with a middle that is 1/8 m off, of a spring of k = 8 N that is 2 m long, 4 m at rest.
     #[test]
@@ -177,18 +176,18 @@ mod tests {
         let spring = Spring { stiffness: 8.0, rest_length: 4.0, damping: 0.0 };
         let at = Extension::between(&Vector3::new(2.0, 0.0, 0.0), &Vector3::zeros()).unwrap();
         let curved = 0.5 * 8.0 * 0.0625 / 1.75_f64.powi(3);
-        is(truncation(&spring, &at, 0.25, 1.0), curved);
-        is(curvature(&spring, &at), 0.5);
+        assert_close(truncation(&spring, &at, 0.25, 1.0), curved);
+        assert_close(curvature(&spring, &at), 0.5);
         let moved = SECOND * 8.0 * 0.125 / (1.75 * 1.75);
         let block = 12.0 * U * 8.0 * 0.75;
         let step = Step { forward: 1.25, backward: 0.75, offset: 0.125 };
-        is(own_error(&spring, &at, step), curved + moved + block);
-        is(block_rounding(&spring, &at), block);
-        is(force_rounding(&spring, &at), 15.0 * U * 8.0);
+        assert_close(spring_error(&spring, &at, step), curved + moved + block);
+        assert_close(block_rounding(&spring, &at), block);
+        assert_close(force_rounding(&spring, &at), 15.0 * U * 8.0);
         assert_eq!(truncation(&spring, &at, 2.5, 1.0), f64::INFINITY);
     }
 
-    /// The best step is `(ρ/2T)^(1/3)`, an eighth of the length at most; where there is no spring it is 1.
+    /// The best step is `(ρ/2T)^(1/3)`, an eighth of the length at most; without a spring it is 1.
     #[test]
     fn steps_balance_rounding_and_truncation() {
         let ends = |step: Step| [step.forward, step.backward, step.offset, step.width()];

@@ -1,29 +1,131 @@
-//! What the numbers of a scene do not let a check judge.
+//! The numbers within which checks can judge a scene.
+//!
+//! Every bound of the suite is one of rounding or of truncation, and needs some digits beside it: a spring whose length is
+//! lost in the rounding of far coordinates has no derivative that could be measured, and beside one that is 10¹² times stiffer a
+//! spring has no digits in any sum. These limits are read from the scene's own numbers, never from the result of a check.
 
-use super::{TestCase, reference};
+use super::reference::{self, Link};
+use super::{TestCase, U};
+use crate::force::Energy;
 use crate::system::Motion;
 use nalgebra::Vector3;
 
-/// Steps that are so many times as long as resolving ones: the square of it times u is a tenth of a percent.
-const BEYOND: f64 = 1e5;
+/// The largest rounding of a spring's coordinates relative to its length: two digits above the square root of u, the accuracy of
+/// differences of forces.
+const COORDINATES: f64 = 1e-9;
+
+/// The largest ratio of two lengths, at rest or not, and of two stiffnesses: the smaller one must have digits in a sum.
+const LENGTHS: f64 = 1e7;
+const STIFFNESSES: f64 = 1e10;
+
+/// The largest ratio of the masses of particles that move.
+const MASSES: f64 = 1e10;
+
+/// The largest row of A over its smallest eigenvalue m/dt², a bound of the condition number: a solution has two digits.
+const CONDITION: f64 = 1e13;
+
+/// The largest rounding of the whole energy relative to the energy that is exchanged.
+const ENERGIES: f64 = 1e-9;
+
+/// Extents of the scene that a particle may go in a step: farther on its old position is lost in rounding.
+const PATH_LENGTH: f64 = 1e4;
+
+/// The longest step over the resolving one: its square times u is a tenth of a percent.
+const STEP: f64 = 1e5;
+
+/// The reason why differences of forces and sums over springs say nothing, if there is one.
+pub(super) fn of_springs(case: &TestCase) -> Option<String> {
+    let TestCase { system, state, .. } = case;
+    let links = reference::links(system, &state.positions);
+    let distance = |link: &Link| link.ends.iter().map(|&p| state.positions[p].norm()).fold(0.0, f64::max);
+    let length = |link: &Link| link.length.min(link.rest_length);
+    let lost = |link: &Link| 2.0 * U * distance(link) / length(link);
+    let worst = links.iter().enumerate().max_by(|(_, a), (_, b)| lost(a).total_cmp(&lost(b)));
+    if let Some((spring, link)) = worst.filter(|(_, link)| lost(link) > COORDINATES) {
+        return Some(format!(
+            "spring {spring}, {:.1e} m long, has coordinates of {:.1e} m, whose rounding is {:.1e} of it: more than {COORDINATES:.0e}",
+            length(link),
+            distance(link),
+            lost(link)
+        ));
+    }
+    let lengths = || links.iter().flat_map(|link| [link.length, link.rest_length]);
+    let stiffnesses = || links.iter().map(Link::magnitude);
+    let dampings = || links.iter().map(|link| link.damping).filter(|&damping| damping > 0.0);
+    too_far_apart("lengths of springs", "m", lengths, LENGTHS)
+        .or_else(|| too_far_apart("stiffnesses k/l0 + k/l", "N/m", stiffnesses, STIFFNESSES))
+        .or_else(|| too_far_apart("dampings of springs", "N·s/m", dampings, STIFFNESSES))
+}
+
+/// The reason why steps say nothing, if there is one.
+pub(super) fn of_steps(case: &TestCase) -> Option<String> {
+    let TestCase { system, state, dt, .. } = case;
+    let masses = || reference::movers(system).map(|p| system.masses()[p]);
+    let found = of_springs(case).or_else(|| too_far_apart("masses of particles that move", "kg", masses, MASSES));
+    if found.is_some() || system.dofs().is_empty() {
+        return found;
+    }
+    let condition = reference::step_matrix_norm(case, state, *dt) / (reference::lightest(system) / (dt * dt));
+    if condition.is_nan() || condition > CONDITION {
+        return Some(format!(
+            "the largest row of A is {condition:.1e} times m/dt² of the lightest particle, more than {CONDITION:.0e}: a solution has no digits"
+        ));
+    }
+    let fastest = state.velocities.iter().map(|v| v.norm()).fold(0.0, f64::max);
+    let path = (fastest + system.gravity().norm() * dt) * dt / case.extent();
+    (path.is_nan() || path > PATH_LENGTH).then(|| {
+        format!(
+            "a particle goes {path:.1e} times the extent of the scene in a step, more than {PATH_LENGTH:.0e}: its old position is lost in \
+             rounding"
+        )
+    })
+}
+
+/// The reason why a run's estimates of its own error cannot be judged, if there is one: they look for energy that comes or goes, so the
+/// rounding of all energy, that of held particles included, must be small against the exchanged energy.
+pub(super) fn of_estimates(case: &TestCase) -> Option<String> {
+    if let Some(reason) = of_steps(case) {
+        return Some(reason);
+    }
+    let TestCase { system, state, .. } = case;
+    let weight = |p: usize| system.masses()[p] * system.gravity().norm();
+    let heights: f64 = (0..system.particles()).map(|p| weight(p) * state.positions[p].norm()).sum();
+    let falls: f64 = reference::movers(system).map(|p| weight(p) * case.extent()).sum();
+    let energy = Energy::of(system, state);
+    let exchanged = energy.kinetic + energy.elastic + falls;
+    (U * heights > ENERGIES * exchanged).then(|| {
+        format!(
+            "the energy of weights is {heights:.1e} J, whose rounding is more than {ENERGIES:.0e} of the {exchanged:.1e} J that the motion \
+             exchanges"
+        )
+    })
+}
+
+/// The complaint that positive numbers lie too far apart, if they do.
+fn too_far_apart<I: Iterator<Item = f64>>(what: &str, unit: &str, values: impl Fn() -> I, most: f64) -> Option<String> {
+    let least = values().fold(f64::INFINITY, f64::min);
+    let largest = values().fold(0.0, f64::max);
+    let ratio = largest / least;
+    (ratio > most || ratio.is_nan() && largest > 0.0).then(|| {
+        format!(
+            "{what} lie between {least:.1e} and {largest:.1e} {unit}, more than {most:.0e} times apart: the small ones are lost in sums"
+        )
+    })
+}
 
 impl TestCase {
-    /// The largest time, in s, in which no path has a kink.
+    /// The time, in s, until a path has a kink.
     pub(super) fn time_to_kink(&self) -> f64 {
-        let corners = |motion: &Motion| match motion {
-            Motion::Path { times, .. } => times.clone(),
-            Motion::Held | Motion::Velocity(_) => Vec::new(),
-        };
         let start = self.state.time;
-        let times = self.system.prescribed().motions().iter().flat_map(corners).filter(|&time| time > start);
-        times.fold(f64::INFINITY, f64::min) - start
+        let later = self.system.prescribed().motions().iter().flat_map(corners).filter(|&&time| time > start);
+        later.fold(f64::INFINITY, |first, &time| first.min(time)) - start
     }
 
     /// Accelerations at the start by the forces of springs and weight, in m/s²; zero along prescribed axes.
     pub(super) fn accelerations(&self) -> Vec<Vector3<f64>> {
         let Self { system, state, .. } = self;
         let links = reference::links(system, &state.positions);
-        let elastic = reference::sum(&links, system.particles(), reference::Link::elastic_force);
+        let elastic = reference::sum(&links, system.particles(), Link::elastic_force);
         let damping = reference::damping_product(&links, &state.velocities);
         let acceleration = |p: usize| {
             let all = (elastic[p] + damping[p]) / system.masses()[p] + system.gravity();
@@ -33,21 +135,21 @@ impl TestCase {
         (0..system.particles()).map(acceleration).collect()
     }
 
-    /// Why a step of dt seconds is beyond what rounding can be followed through: the fastest vibration or decay is so much faster that what balances are
-    /// forces a billion times as large as those that move anything.
+    /// The reason why rounding cannot be followed through a step of dt seconds, if there is one: the fastest vibration or decay is so
+    /// fast that the balancing forces are a billion times as large as those that move anything.
     pub(super) fn beyond_rounding(&self, dt: f64) -> Option<String> {
-        let faster = dt / self.resolving_step();
-        (faster > BEYOND).then(|| {
-            format!("a step is {faster:.0e} times as long as one that resolves the fastest vibration or decay")
+        let factor = dt / self.resolving_step();
+        (factor > STEP).then(|| {
+            format!("a step is {factor:.0e} times as long as one that resolves the fastest vibration or decay")
         })
     }
 
-    /// Why runs of a duration say little of a method, where a spring's ends move so far that it turns, or that they pass each other: by more than a quarter
-    /// of its length, as velocities and accelerations at the start have it. Its force is then no smooth function of time.
+    /// The reason why runs of a duration say little of a method, if there is one: by the velocities and accelerations at the start the ends
+    /// of a spring move by more than a quarter of its length, so that it turns about. Its force is then no smooth function of time.
     pub(super) fn passing(&self, duration: f64) -> Option<String> {
         let Self { system, state, .. } = self;
         let accelerations = self.accelerations();
-        let passes = |link: &reference::Link| {
+        let passes = |link: &Link| {
             let [i, j] = link.ends;
             let (v, a) = (state.velocities[i] - state.velocities[j], accelerations[i] - accelerations[j]);
             v.norm() * duration + 0.5 * a.norm() * duration * duration > 0.25 * link.length
@@ -56,5 +158,61 @@ impl TestCase {
         Some(format!(
             "the ends of spring {spring} turn about or pass each other within the {duration:.1e} s of the runs"
         ))
+    }
+}
+
+/// The times at which a path has a corner.
+pub(super) fn corners(motion: &Motion) -> &[f64] {
+    if let Motion::Path { times, .. } = motion { times } else { &[] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+    use crate::verify::fixtures::case;
+
+    /// A held particle and two that hang on it in a row, of 1 kg, on springs of k = 100 N that are 1 m long; changed.
+    fn chain(change: impl FnOnce(&mut SystemBuilder)) -> TestCase {
+        let mut builder = SystemBuilder::new();
+        for y in [0.0, -1.0, -2.0] {
+            builder.particle([0.0, y, 0.0], 1.0);
+        }
+        for i in [0, 1] {
+            builder.spring(i, i + 1, Spring { stiffness: 100.0, rest_length: 1.0, damping: 0.1 });
+        }
+        builder.hold(0);
+        change(&mut builder);
+        case(builder, 0.01)
+    }
+
+    #[test]
+    fn ordinary_numbers_are_judged_and_absurd_ones_named() {
+        assert_eq!(of_steps(&chain(|_| {})), None);
+        // A held particle may have any mass.
+        assert_eq!(of_steps(&chain(|scene| scene.masses[0] = 1e16)), None);
+        // But where its weight counts it hides every other energy.
+        let weighty = |scene: &mut SystemBuilder| {
+            (scene.masses[0], scene.gravity.y, scene.positions[0].x) = (1e16, -9.81, 0.1);
+        };
+        assert_eq!(of_steps(&chain(weighty)), None);
+        assert!(of_estimates(&chain(weighty)).unwrap().contains("energy of weights"));
+        assert_eq!(of_estimates(&chain(|scene| scene.gravity.y = -9.81)), None);
+        let far = chain(|scene| scene.positions[2].y = -4e9);
+        assert!(of_springs(&far).unwrap().contains("spring 1"));
+        type Change = fn(&mut SystemBuilder);
+        let cases: [(Change, &str); 4] = [
+            (|scene| scene.springs[1].stiffness = 1e14, "stiffnesses"),
+            (|scene| scene.springs[1].damping = 1e11, "dampings"),
+            (|scene| scene.masses[2] = 1e12, "masses of particles that move"),
+            (|scene| scene.velocities[1].x = 1e8, "times the extent"),
+        ];
+        for (change, reason) in cases {
+            let found = of_steps(&chain(change)).unwrap_or_default();
+            assert!(found.contains(reason), "{reason}: {found}");
+        }
+        let long = TestCase { dt: 1e7, ..chain(|_| {}) };
+        assert!(of_springs(&long).is_none() && of_steps(&long).unwrap().contains("largest row of A"));
     }
 }

@@ -1,19 +1,25 @@
-//! Momentum: springs pull equally at both ends, and along the line between them.
+//! Momentum, rest and drift: springs pull equally at both ends, along the line between them, and not at all at their rest lengths.
 //!
 //! Along an axis in which no particle of a connected part is prescribed, every method gives the part
 //! `p' = p + dt Σ m g` exactly: the rows of `A δx = b` that belong to the axis add up to it, because the columns of K and G
-//! add up to zero. About any point, symplectic Euler and linearised backward Euler under `axial` give a free part
+//! add up to zero. About any point, symplectic Euler and linear backward Euler under `axial` give a free part
 //! `L' = L + dt Σ m x × g`: their forces on the two ends of a spring, at x, lie on the line between them, and
 //! `x' × v' = x × v'`. Verlet does it in two halves, with the forces at x and at x', and implicit midpoint with those in the
 //! middle: the weight then acts at the mean of x and x'. The transverse terms of the other options turn the parts about.
+//!
+//! With rest lengths equal to the lengths no spring pulls: b is zero, and so is δx, whatever the option, the step and
+//! the method. Given one velocity to all particles and no constraints, all move by `dt v` a step.
 
-use super::measured::Measured;
-use super::runs::{Way, direct};
-use super::{Check, Claim, TestCase, U, Unfinished, reference, worst};
+use super::TestCase;
+use super::check::{Check, Claim, Measured, ratio, worst};
+use super::force_error::U;
+use super::reference::{self, Link};
+use super::runs::{MethodVariant, each_run, worst_step};
 use crate::integrate::Method;
 use crate::spring::Stiffness;
 use crate::system::State;
 use nalgebra::Vector3;
+use std::collections::BTreeMap;
 
 /// Steps that momentum is followed over.
 const STEPS: usize = 5;
@@ -25,10 +31,10 @@ struct Part {
 }
 
 /// The connected parts of the system.
-fn parts(subject: &TestCase) -> Vec<Part> {
-    let system = &subject.system;
+fn parts(case: &TestCase) -> Vec<Part> {
+    let system = &case.system;
     let mut label: Vec<usize> = (0..system.particles()).collect();
-    // Every second particle on the way is hung one higher, so that no way stays long, in whatever order springs come.
+    // Path halving: every second particle is hung one higher, so that no path stays long, in whatever order springs come.
     let root = |label: &mut [usize], mut p: usize| {
         while label[p] != p {
             label[p] = label[label[p]];
@@ -40,7 +46,7 @@ fn parts(subject: &TestCase) -> Vec<Part> {
         let [i, j] = system.pair(spring).map(|p| root(&mut label, p));
         label[i.max(j)] = i.min(j);
     }
-    let mut parts: std::collections::BTreeMap<usize, Vec<usize>> = std::collections::BTreeMap::new();
+    let mut parts: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for p in 0..system.particles() {
         parts.entry(root(&mut label, p)).or_default().push(p);
     }
@@ -52,90 +58,85 @@ fn parts(subject: &TestCase) -> Vec<Part> {
     parts.into_values().map(part).collect()
 }
 
-pub(super) fn has_free_translation(subject: &TestCase) -> bool {
-    parts(subject).iter().any(|part| !part.axes.is_empty())
+pub(super) fn has_free_translation(case: &TestCase) -> bool {
+    parts(case).iter().any(|part| !part.axes.is_empty())
 }
 
-pub(super) fn has_free_rotation(subject: &TestCase) -> bool {
-    subject.system.dimension() > 1 && parts(subject).iter().any(|part| part.axes.len() == subject.system.dimension())
+pub(super) fn has_free_rotation(case: &TestCase) -> bool {
+    case.system.dimension() > 1 && parts(case).iter().any(|part| part.axes.len() == case.system.dimension())
 }
 
-pub(super) fn linear(subject: &TestCase) -> Measured {
-    let (gravity, masses) = (subject.system.gravity(), subject.system.masses());
-    let parts = parts(subject);
-    let momentum = |part: &Part, axis: usize, state: &State| -> f64 {
-        part.particles.iter().map(|&p| masses[p] * state.velocities[p][axis]).sum()
+pub(super) fn linear(case: &TestCase) -> Measured {
+    let (gravity, masses) = (case.system.gravity(), case.system.masses());
+    let parts = parts(case);
+    let change = |part: &Part, axis: usize, dt: f64, before: &State, after: &State| {
+        let momentum =
+            |state: &State| part.particles.iter().map(|&p| masses[p] * state.velocities[p][axis]).sum::<f64>();
+        let mass: f64 = part.particles.iter().map(|&p| masses[p]).sum();
+        (momentum(after) - momentum(before) - dt * mass * gravity[axis]).abs()
     };
-    measure(subject, "linear momentum", Way::of(subject), |_, dt, before, after| {
-        worst(parts.iter().flat_map(|part| {
-            let mass: f64 = part.particles.iter().map(|&p| masses[p]).sum();
-            part.axes.iter().map(move |&axis| {
-                (momentum(part, axis, after) - momentum(part, axis, before) - dt * mass * gravity[axis]).abs()
-            })
-        }))
+    follow(case, "linear momentum", MethodVariant::of(case), |_, dt, before, after| {
+        let axes = parts.iter().flat_map(|part| part.axes.iter().map(move |&axis| (part, axis)));
+        worst(axes.map(|(part, axis)| change(part, axis, dt, before, after)))
     })
 }
 
-pub(super) fn angular(subject: &TestCase) -> Measured {
-    let system = &subject.system;
-    let (gravity, masses, centre) = (system.gravity(), system.masses(), subject.centre());
-    let free: Vec<Part> = parts(subject).into_iter().filter(|part| part.axes.len() == system.dimension()).collect();
+pub(super) fn angular(case: &TestCase) -> Measured {
+    let (gravity, masses, centre) = (case.system.gravity(), case.system.masses(), case.centre());
+    let dimension = case.system.dimension();
+    let free: Vec<Part> = parts(case).into_iter().filter(|part| part.axes.len() == dimension).collect();
     let momentum = |part: &Part, state: &State| -> Vector3<f64> {
         let of = |&p: &usize| (state.positions[p] - centre).cross(&state.velocities[p]) * masses[p];
         part.particles.iter().map(of).sum()
     };
-    let turning = |way: &Way| {
-        matches!(way.method, Method::SymplecticEuler | Method::Verlet | Method::ImplicitMidpoint)
-            || *way == Way::notes(Stiffness::Axial)
+    let conserves = |variant: &MethodVariant| {
+        matches!(variant.method, Method::SymplecticEuler | Method::Verlet | Method::ImplicitMidpoint)
+            || *variant == MethodVariant::linear(Stiffness::Axial)
     };
-    let extent = subject.extent();
-    measure(subject, "angular momentum", Way::of(subject).filter(turning), |method, dt, before, after| {
-        let change = |part: &Part| {
-            // The weight acts where the method takes the forces.
-            let arm = |p: usize| match method {
-                Method::ImplicitMidpoint | Method::Verlet => (before.positions[p] + after.positions[p]) * 0.5 - centre,
-                _ => before.positions[p] - centre,
-            };
+    let extent = case.extent();
+    follow(case, "angular momentum", MethodVariant::of(case).filter(conserves), |method, dt, before, after| {
+        // The weight acts where the method takes the forces.
+        let arm = |p: usize| match method {
+            Method::ImplicitMidpoint | Method::Verlet => (before.positions[p] + after.positions[p]) * 0.5 - centre,
+            _ => before.positions[p] - centre,
+        };
+        worst(free.iter().map(|part| {
             let torque: Vector3<f64> = part.particles.iter().map(|&p| arm(p).cross(&gravity) * masses[p]).sum();
             (momentum(part, after) - momentum(part, before) - torque * dt).norm() / extent
-        };
-        worst(free.iter().map(change))
+        }))
     })
 }
 
-/// The worst share of what rounding allows over the steps of a run by each way.
-fn measure(
-    subject: &TestCase,
+/// The largest error of a step in units of rounding, for each variant.
+fn follow(
+    case: &TestCase,
     name: &str,
-    ways: impl Iterator<Item = Way>,
+    variants: impl Iterator<Item = MethodVariant>,
     error: impl Fn(Method, f64, &State, &State) -> f64,
-) -> Result<Vec<Check>, Unfinished> {
-    let mut checks = Vec::new();
-    for way in ways {
-        let dt = way.step(subject);
-        let Some(states) = way.run(subject, direct(), dt, STEPS)? else { continue };
-        let pairs = states.windows(2);
-        let share =
-            pairs.map(|pair| error(way.method, dt, &pair[0], &pair[1]) / rounding(subject, dt, &pair[0], &pair[1]));
+) -> Measured {
+    each_run(case, variants, STEPS, |variant, dt, states| {
+        let value = worst_step(states, |before, after| {
+            error(variant.method, dt, before, after) / rounding(case, dt, before, after)
+        });
         // Newton stops at a residual of 1e-10 of the forces, not at rounding.
-        let bound = if way.is_nonlinear() { 1e-10 / U } else { 30.0 };
+        let bound = if variant.is_nonlinear() { 1e-10 / U } else { 30.0 };
         let why = "in units of rounding, u (‖A‖ ‖δx‖ + ‖b‖) dt summed over the particles; a backward stable solve leaves \
                    at most 30 of them; Newton's method stops at a residual of 1e-10";
-        let name = format!("{name}, {}", way.name());
-        let check = Check::new(Claim::Conservation, name, &subject.name, worst(share), bound, why);
-        // Iterations and directions then go through states far from those that the rounding is counted at.
-        checks.push(check.unless(|| subject.passing(STEPS as f64 * dt)));
-    }
-    Ok(checks)
+        let name = format!("{name}, {}", variant.name());
+        // Where springs turn about, iterations and directions go through states far from those that the rounding is counted at.
+        let passing = || case.passing(STEPS as f64 * dt);
+        [Check::new(Claim::Conservation, name, &case.name, value, bound, why).unless(passing)]
+    })
 }
 
 /// The change of momentum by one unit of rounding: `n dt u (‖A‖ ‖δx‖ + ‖b‖)`, the forces in b at their magnitudes.
-fn rounding(subject: &TestCase, dt: f64, before: &State, after: &State) -> f64 {
-    let system = &subject.system;
+fn rounding(case: &TestCase, dt: f64, before: &State, after: &State) -> f64 {
+    let system = &case.system;
     let n = system.particles() as f64;
     let pairs = before.positions.iter().zip(&after.positions);
     let displacement = pairs.map(|(x, y)| (y - x).amax()).fold(0.0, f64::max);
-    let extent = after.positions.iter().map(|x| (x - subject.centre()).amax()).fold(subject.extent(), f64::max);
+    let centre = case.centre();
+    let extent = after.positions.iter().map(|x| (x - centre).amax()).fold(case.extent(), f64::max);
     let inertia = system.masses().iter().zip(before.velocities.iter().zip(&after.velocities));
     let inertia = inertia.map(|(m, (v, w))| m * (v.amax() + w.amax()) / dt).fold(0.0, f64::max);
     let heaviest = reference::movers(system).map(|p| system.masses()[p]).fold(0.0, f64::max);
@@ -143,37 +144,71 @@ fn rounding(subject: &TestCase, dt: f64, before: &State, after: &State) -> f64 {
     let links = reference::links(system, &before.positions);
     let pull = links.iter().map(|link| link.elastic_force().amax()).fold(0.0, f64::max);
     // x × v: the arm may be as long as the scene has become.
-    let arm = (extent / subject.extent()).max(1.0);
-    arm * n * dt * U * (reference::step_matrix_norm(subject, before, dt) * displacement + inertia + weight + pull)
+    let arm = (extent / case.extent()).max(1.0);
+    arm * n * dt * U * (reference::step_matrix_norm(case, before, dt) * displacement + inertia + weight + pull)
+}
+
+/// A relaxed scene stays at rest, and without constraints it keeps a common velocity.
+pub(super) fn equilibrium(case: &TestCase) -> Measured {
+    let resting = case.relaxed()?;
+    let mut drifting = resting.freed()?;
+    let axes = case.system.dimension();
+    let velocity = Vector3::from_fn(|axis, _| if axis < axes { [0.3, -0.2, 0.5][axis] } else { 0.0 });
+    drifting.state.velocities.fill(velocity * (case.extent() / case.dt) * 0.01);
+    let mut checks = Vec::new();
+    for (case, name) in [(resting, "rest is kept"), (drifting, "a drift is kept")] {
+        checks.extend(each_run(&case, MethodVariant::of(&case), 3, |variant, dt, states| {
+            let distances = states.iter().enumerate().skip(1);
+            let value = worst(distances.map(|(n, state)| drift_error(&case, dt, n as f64, state)));
+            let why = "over 30 units of rounding: u k (|x_i| + |x_j|)/l0 and u b (|v_i| + |v_j|) of each spring, as a force on the \
+                       lightest particle for the time, and u |x|";
+            let name = format!("{name}, {}", variant.name());
+            let check = Check::new(Claim::Conservation, name, &case.name, value, 1.0, why);
+            [check.unless(|| case.beyond_rounding(dt))]
+        })?);
+    }
+    Ok(checks)
+}
+
+/// The distance of the state after n steps from `x + n dt v` over 30 units of rounding.
+fn drift_error(case: &TestCase, dt: f64, n: f64, state: &State) -> f64 {
+    let TestCase { system, state: start, .. } = case;
+    let links = reference::links(system, &state.positions);
+    let elastic = reference::magnitude(&links, Link::magnitude, &state.positions);
+    let damping = reference::magnitude(&links, |link| link.damping, &state.velocities);
+    // ‖δx‖ ≤ dt²/m ‖f‖ in the Euclidean norm, since A ≥ M/dt²; velocities, and with them later steps, add up.
+    let force = elastic.iter().zip(&damping).map(|(e, d)| (e + d) * (e + d)).sum::<f64>().sqrt();
+    let drift = n * n * dt * dt / reference::lightest(system) * U * force;
+    worst((0..system.particles()).map(|p| {
+        let expected = start.positions[p] + start.velocities[p] * (n * dt);
+        let rounding = drift + n * U * (state.positions[p].norm() + start.positions[p].norm());
+        ratio((state.positions[p] - expected).norm(), 30.0 * rounding)
+    }))
 }
 
 #[cfg(all(test, feature = "scene"))]
 mod tests {
-    use super::{U, parts, reference, rounding};
-    use crate::scene::builtin;
-    use crate::verify::{TestCase, fixtures};
-    use nalgebra::Vector3;
+    use super::*;
+    use crate::verify::fixtures;
 
     /// In a quarter of a second one of three particles goes 1/8 m and another, of 1 kg, gets 1/2 m/s; weights are 10 N at most, springs
     /// pull with 2 and 3 N.
     #[test]
     fn units_of_rounding_by_hand() {
-        let (system, state) = fixtures::line().build().unwrap();
-        let subject = TestCase { name: "line".into(), system, state, dt: 0.25 };
-        let mut after = subject.state.clone();
+        let case = fixtures::case(fixtures::line(), 0.25);
+        let mut after = case.state.clone();
         after.positions[0].x += 0.125;
         after.velocities[1] = Vector3::new(-0.5, 0.0, 0.0);
-        let norm = reference::step_matrix_norm(&subject, &subject.state, 0.25);
+        let norm = reference::step_matrix_norm(&case, &case.state, 0.25);
         let expected = 3.0 * 0.25 * U * (norm * 0.125 + 2.0 + 10.0 + 3.0);
-        let found = rounding(&subject, 0.25, &subject.state, &after);
-        assert!((found / expected - 1.0).abs() < 1e-12, "{found:e} {expected:e}");
+        fixtures::assert_close(rounding(&case, 0.25, &case.state, &after), expected);
     }
 
-    /// Links given from the far end on hang every particle under the next: without halving, the way to the root of the last ones
+    /// Links given from the far end on hang every particle under the next: without path halving the path to the root of the last ones
     /// is the whole chain, for every particle.
     #[test]
     fn long_chains_are_one_part() {
-        let mut scene = builtin::chain(100_000).unwrap();
+        let mut scene = crate::scene::builtin::chain(100_000).unwrap();
         scene.springs.pairs.reverse();
         let parts = parts(&TestCase::of_scene(&scene).unwrap());
         assert_eq!((parts.len(), parts[0].particles.len()), (1, 100_001));

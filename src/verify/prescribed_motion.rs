@@ -1,95 +1,84 @@
 //! Prescribed coordinates are exactly where their motion has them, at every step of every method.
 //!
-//! What is exact is rounded: `x(0) + offset(t)` is one sum, and a place on a path three more operations. The motions are
-//! worked out here a second time, from the scene's numbers.
+//! Exact up to rounding: `x(0) + offset(t)` is one sum, and a place on a path three more operations. The motions are
+//! computed here a second time, from the scene's numbers.
 
-use super::measured::Measured;
-use super::runs::{Way, direct};
-use super::{Check, Claim, TestCase, U, worst};
-use crate::integrate::PositionUpdate;
+use super::TestCase;
+use super::check::{Check, Claim, Measured, ratio, worst};
+use super::force_error::U;
+use super::limits::corners;
+use super::runs::{MethodVariant, each_run, worst_step};
+use crate::integrate::{Method, PositionUpdate};
 use crate::system::{Dof, Motion, SAME_TIME, State};
-
-const STEPS: usize = 10;
 
 /// Units of rounding that the place on a path may differ by.
 const UNITS: f64 = 8.0;
 
-pub(super) fn has_prescribed(subject: &TestCase) -> bool {
-    !subject.system.prescribed().is_empty()
-}
-
-pub(super) fn measure(subject: &TestCase) -> Measured {
-    let mut checks = vec![at_many_times(subject)];
-    for way in Way::of(subject) {
-        let dt = way.step(subject);
-        let Some(states) = way.run(subject, direct(), dt, STEPS)? else { continue };
-        let value = worst(states.iter().map(|state| distance(subject, state)));
-        let why = "in units of rounding of the coordinate: a sum, and the interpolation on a path";
-        let name = format!("prescribed positions, {}", way.name());
-        checks.push(Check::new(Claim::Constraints, name, &subject.name, value, UNITS, why));
-        let speeds = states.windows(2).map(|pair| speed_error(subject, way, dt, &pair[0], &pair[1]));
-        let why = "in units of rounding: the backward Euler methods give the displacement over dt, all others the \
-                   motion's velocity";
-        let name = format!("prescribed velocities, {}", way.name());
-        checks.push(Check::new(Claim::Constraints, name, &subject.name, worst(speeds), UNITS, why));
-    }
+pub(super) fn measure(case: &TestCase) -> Measured {
+    let check = |name: String, value, why: &str| Check::new(Claim::Constraints, name, &case.name, value, UNITS, why);
+    let position_why = "in units of rounding of the coordinate: a sum, and the interpolation on a path";
+    let velocity_why = "in units of rounding: the backward Euler methods give the displacement over dt, all others the \
+                        motion's velocity";
+    let places = many_times(case).into_iter().map(|time| {
+        let mut state = State { time, ..case.state.clone() };
+        state.prescribe(&case.system);
+        distance(case, &state)
+    });
+    let mut checks = vec![check("prescribed positions at many times".into(), worst(places), position_why)];
+    checks.extend(each_run(case, MethodVariant::of(case), 10, |variant, dt, states| {
+        let positions = worst(states.iter().map(|state| distance(case, state)));
+        let velocities = worst_step(states, |before, after| velocity_error(case, variant.method, dt, before, after));
+        [
+            check(format!("prescribed positions, {}", variant.name()), positions, position_why),
+            check(format!("prescribed velocities, {}", variant.name()), velocities, velocity_why),
+        ]
+    })?);
     Ok(checks)
 }
 
-/// Before, at, between and after all corners of all paths, far beyond the end included.
-fn many_times(subject: &TestCase) -> Vec<f64> {
-    let mut times = vec![0.0, subject.dt, 1.0, 1e3];
-    for motion in subject.system.prescribed().motions() {
-        if let Motion::Path { times: corners, .. } = motion {
-            times.extend(corners);
-            times.extend(corners.windows(2).map(|pair| pair[0] + 0.37 * (pair[1] - pair[0])));
-            times.extend(corners.iter().flat_map(|t| [t - 0.9, t + 0.9]));
-        }
+/// Times before, at, between and after all corners of all paths, far beyond the end included.
+fn many_times(case: &TestCase) -> Vec<f64> {
+    let mut times = vec![0.0, case.dt, 1.0, 1e3];
+    for motion in case.system.prescribed().motions() {
+        let corners = corners(motion);
+        times.extend(corners);
+        times.extend(corners.windows(2).map(|pair| pair[0] + 0.37 * (pair[1] - pair[0])));
+        times.extend(corners.iter().flat_map(|t| [t - 0.9, t + 0.9]));
     }
     times
 }
 
-fn at_many_times(subject: &TestCase) -> Check {
-    let distances = many_times(subject).into_iter().map(|time| {
-        let mut state = State { time, ..subject.state.clone() };
-        state.prescribe(&subject.system);
-        distance(subject, &state)
-    });
-    let why = "in units of rounding of the coordinate: a sum, and the interpolation on a path";
-    Check::new(Claim::Constraints, "prescribed positions at many times", &subject.name, worst(distances), UNITS, why)
-}
-
 /// The largest distance of a prescribed coordinate from its motion at the state's time, in units of rounding.
-fn distance(subject: &TestCase, state: &State) -> f64 {
-    worst(coordinates(subject).map(|(dof, start, motion)| {
+fn distance(case: &TestCase, state: &State) -> f64 {
+    worst(coordinates(case).map(|(dof, start, motion)| {
         let offset = offset(motion, state.time, dof.axis);
         let error = (state.positions[dof.particle][dof.axis] - (start + offset)).abs();
-        let size = start.abs() + reach(motion, state.time, dof.axis);
-        if error == 0.0 { 0.0 } else { error / (U * size) }
+        ratio(error, U * (start.abs() + magnitude(motion, state.time, dof.axis)))
     }))
 }
 
-fn speed_error(subject: &TestCase, way: Way, dt: f64, before: &State, after: &State) -> f64 {
-    worst(coordinates(subject).map(|(dof, start, motion)| {
-        let velocity = after.velocities[dof.particle][dof.axis];
-        let (x, y) = (before.positions[dof.particle][dof.axis], after.positions[dof.particle][dof.axis]);
-        let (expected, unit) = if !(way.method.is_implicit() && way.method.moves_by() == PositionUpdate::New) {
-            let expected = velocity_after(motion, after.time, dof.axis);
-            (expected, U * expected.abs())
+/// The largest error of a prescribed velocity after a step, in units of rounding.
+fn velocity_error(case: &TestCase, method: Method, dt: f64, before: &State, after: &State) -> f64 {
+    worst(coordinates(case).map(|(dof, start, motion)| {
+        let (p, axis) = (dof.particle, dof.axis);
+        let (expected, unit) = if method.is_implicit() && method.moves_by() == PositionUpdate::New {
+            let displacement = after.positions[p][axis] - before.positions[p][axis];
+            (displacement / dt, U * (start.abs() + magnitude(motion, after.time, axis)) / dt)
         } else {
-            ((y - x) / dt, U * (start.abs() + reach(motion, after.time, dof.axis)) / dt)
+            let expected = velocity_after(motion, after.time, axis);
+            (expected, U * expected.abs())
         };
-        let error = (velocity - expected).abs();
-        if error == 0.0 { 0.0 } else { error / unit }
+        ratio((after.velocities[p][axis] - expected).abs(), unit)
     }))
 }
 
-fn coordinates(subject: &TestCase) -> impl Iterator<Item = (Dof, f64, &Motion)> {
-    let prescribed = subject.system.prescribed();
+/// Every prescribed coordinate with its start and its motion.
+fn coordinates(case: &TestCase) -> impl Iterator<Item = (Dof, f64, &Motion)> {
+    let prescribed = case.system.prescribed();
     prescribed.iter().map(move |(dof, start, motion)| (dof, start, &prescribed.motions()[motion]))
 }
 
-/// Where the motion is at time t, by going along the path from its beginning.
+/// The offset of the motion at time t, by following the path from its beginning.
 fn offset(motion: &Motion, t: f64, axis: usize) -> f64 {
     match motion {
         Motion::Held => 0.0,
@@ -107,7 +96,7 @@ fn offset(motion: &Motion, t: f64, axis: usize) -> f64 {
     }
 }
 
-/// How fast the motion is just after time t, or after the kink from which t differs by rounding.
+/// The velocity of the motion just after time t, or after the kink from which t differs by rounding.
 fn velocity_after(motion: &Motion, t: f64, axis: usize) -> f64 {
     match motion {
         Motion::Held => 0.0,
@@ -120,8 +109,8 @@ fn velocity_after(motion: &Motion, t: f64, axis: usize) -> f64 {
     }
 }
 
-/// The size of the numbers that the offset at time t is made of.
-fn reach(motion: &Motion, t: f64, axis: usize) -> f64 {
+/// The magnitude of the terms of the offset at time t.
+fn magnitude(motion: &Motion, t: f64, axis: usize) -> f64 {
     match motion {
         Motion::Held => 0.0,
         Motion::Velocity(v) => (v[axis] * t).abs(),
@@ -136,4 +125,57 @@ fn reach(motion: &Motion, t: f64, axis: usize) -> f64 {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::verify::fixtures::{led, line_state, path as resting_path};
+    use nalgebra::Vector3;
+
+    /// From 0 by 300 m in the first hundred seconds, back by 200 m in the two hundred that follow.
+    fn path() -> Motion {
+        let offsets = [0.0, 300.0, 100.0].map(|x| Vector3::new(x, 0.0, 0.0)).to_vec();
+        Motion::Path { times: vec![100.0, 200.0, 400.0], offsets }
+    }
+
+    #[test]
+    fn the_velocity_on_a_path_is_that_after_its_corner() {
+        let velocity = |t: f64| velocity_after(&path(), t, 0);
+        let times = [50.0, 100.0, 150.0, 200.0, 300.0, 400.0, 500.0];
+        assert_eq!(times.map(velocity), [0.0, 3.0, 3.0, -1.0, -1.0, 0.0, 0.0]);
+        // Within 1e-12 of the corner is at the corner.
+        let close = [200.0 * (1.0 - 5e-13), 200.0 * (1.0 - 2e-12), 400.0 * (1.0 - 5e-13)];
+        assert_eq!(close.map(velocity), [-1.0, 3.0, 0.0]);
+    }
+
+    #[test]
+    fn magnitudes_of_motions_by_hand() {
+        let ahead = Motion::Velocity(Vector3::new(3.0, 0.0, 0.0));
+        assert_eq!([magnitude(&Motion::Held, 2.0, 0), magnitude(&ahead, -2.0, 0)], [0.0, 6.0]);
+        assert_eq!(magnitude(&path(), 50.0, 0), 300.0 + 50.0 * 3.0);
+    }
+
+    /// A particle that is led at 2 m/s has gone 3 m in ½ s and has a velocity of 7 m/s: 1 m/s more than its displacement says, 5 m/s more
+    /// than its motion.
+    #[test]
+    fn velocities_are_those_of_the_displacement_or_of_the_motion() {
+        let case = led(Motion::Velocity(Vector3::new(2.0, 0.0, 0.0)), 0.5);
+        let state = |time, x, v| line_state(time, [x; 3], [v; 3]);
+        let error = |method, v| velocity_error(&case, method, 0.5, &state(3.5, 4.0, 0.0), &state(4.0, 7.0, v)) * U;
+        for method in [Method::BackwardEuler, Method::LinearBackwardEuler] {
+            assert!((error(method, 7.0) - 1.0 / ((1.0 + 8.0) / 0.5)).abs() < 1e-15);
+            assert_eq!(error(method, 6.0), 0.0);
+        }
+        for method in [Method::ImplicitMidpoint, Method::SymplecticEuler, Method::W2] {
+            assert_eq!([error(method, 7.0), error(method, 2.0)], [2.5, 0.0]);
+        }
+    }
+
+    #[test]
+    fn paths_are_looked_at_around_all_their_corners() {
+        let expected = [0.0, 0.5, 1.0, 1000.0, 1.0, 3.0, 1.74, 0.1, 1.9, 2.1, 3.9];
+        let times = many_times(&led(resting_path(&[1.0, 3.0]), 0.5));
+        assert_eq!(times.len(), expected.len());
+        assert!(times.iter().zip(expected).all(|(t, expected)| (t - expected).abs() < 1e-12), "{times:?}");
+        let checks = measure(&led(path(), 0.5)).unwrap();
+        assert!(checks[0].name == "prescribed positions at many times" && checks.iter().all(Check::passed));
+    }
+}

@@ -1,32 +1,75 @@
-//! The same matrix twice: products by springs against products by entries, refilled values against fresh ones.
+//! Products of the same matrix formed twice, refilled values against fresh ones, and products that are known beforehand.
+//!
+//! With `d = x_i − x_j`, a translation gives a spring `w_i − w_j = 0`, a rotation `ω × d`, across it, and a dilation d, along
+//! it. Multiplied by the blocks of one spring and summed over all,
+//!
+//! ```text
+//! K 1 = 0            K (ω × x) = ω × f_t            K x = −L_{k/l0} x
+//! G 1 = 0            G (ω × x) = 0                  G x = −L_b x
+//! ```
+//!
+//! where f_t is the elastic force of the springs whose transverse term the option keeps (all, the stretched, none), and
+//! `L_c` the graph Laplacian with weight c a spring. So K sees a rotation of a body under tension, and `axial` does not.
+//! Prescribed coordinates take part: they contribute through the coupling to the right-hand side.
 
-use super::check::{Check, Entry};
-use super::claim::Claim;
+use super::TestCase;
+use super::check::{Check, Claim, Measured};
+use super::comparison::{Entry, WorstEntries};
 use super::force_error::U;
-use super::reduced::random_vector;
-use super::verdict::{TABLE_ROWS, WorstEntries};
-use crate::assembly::{SymmetricMatrix, assemble_afresh};
-use crate::operator::{LinearOperator, SystemOperator};
+use super::free_coordinates::{random_vector, reduce};
+use super::reference::{self, Link};
+use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix, assemble_afresh};
+use crate::force::SpringGeometry;
+use crate::operator::{Combination, LinearOperator, SystemOperator};
+use crate::spring::Stiffness;
 use nalgebra::Vector3;
+use std::sync::Arc;
 
-/// Random vectors tried.
+/// Units of rounding that a product may differ by: about ten rounded terms a spring, and as many in its block and its sums.
+const UNITS: f64 = 30.0;
+
+/// Number of random vectors.
 const VECTORS: u64 = 4;
+
+/// Products and refill of A, for every option.
+///
+/// The refilled matrix held other values before: those of twice the step under another option.
+pub(super) fn assembly(case: &TestCase) -> Measured {
+    let TestCase { name, system, state, dt } = case;
+    let geometry = SpringGeometry::at(system, &state.positions)?;
+    let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
+    let mut checks = Vec::new();
+    for option in Stiffness::ALL {
+        let scene = format!("{name}, {}", option.name());
+        let before = if option == Stiffness::Full { Stiffness::Axial } else { Stiffness::Full };
+        let before = SystemOperator::new(system, &geometry, before, Combination::step(2.0 * dt));
+        let operator = SystemOperator::new(system, &geometry, option, Combination::step(*dt));
+        let mut matrix = SystemMatrix::assemble(pattern.clone(), &before);
+        matrix.refill(&operator);
+        checks.push(products_agree(&operator, matrix.matrix(), &scene));
+        checks.push(refill_is_fresh(&operator, matrix.matrix(), &scene));
+        // K alone, where no mass hides what springs cancel.
+        let stiffness = SystemOperator::new(system, &geometry, option, Combination::STIFFNESS);
+        matrix.refill(&stiffness);
+        checks.push(products_agree(&stiffness, matrix.matrix(), &format!("{scene}, K")));
+    }
+    Ok(checks)
+}
 
 /// Compares products with an assembled matrix with those of the matrix-free operator, component by component.
 ///
 /// `product` is under test, `operator` is the reference. Value: the largest difference of a component relative to u of
 /// its terms, `m|w| + Σ |B| (|w_i| + |w_j|)` over springs: `|A| |w|` but for what cancels inside A. Sees missing,
-/// extra, doubled and misplaced blocks, a wrong mass, dropped constraints; is blind to what both have wrong.
+/// extra, doubled and misplaced blocks, a wrong mass, dropped constraints; is blind to faults of both.
 pub fn products_agree(operator: &SystemOperator, product: &impl LinearOperator, scene: &str) -> Check {
     let why = "30 u |A| |w| in each component: a spring's product takes about ten roundings, its entries of A and their sum as many";
-    let check = |value, why: &str| {
-        Check::new(Claim::Assembly, "assembled A w against matrix-free A w", scene, value, 30.0, why)
-    };
+    let name = "assembled A w against matrix-free A w";
+    let check = |value, why: &str| Check::new(Claim::Assembly, name, scene, value, UNITS, why);
     let n = operator.order();
     if product.order() != n {
         return check(f64::NAN, "the two operators have different orders");
     }
-    let mut entries = WorstEntries::new(TABLE_ROWS);
+    let mut entries = WorstEntries::new();
     for seed in 0..VECTORS {
         let w = random_vector(n, seed);
         let (mut by_springs, mut by_entries) = (vec![0.0; n], vec![0.0; n]);
@@ -37,11 +80,10 @@ pub fn products_agree(operator: &SystemOperator, product: &impl LinearOperator, 
             entries.compare(row, None, *a, *b, U * terms);
         }
     }
-    let value = entries.worst();
-    let table = entries.into_table(|entry| entry);
-    // What is compared with 30 units is not wrong at 2, as the table's verdicts would have it.
-    let judged = |entry: Entry| if value <= 30.0 { entry.with_verdict("agrees") } else { entry };
-    check(value, why).with_table(table.into_iter().map(judged).collect())
+    let value = entries.worst;
+    // Entries that differ by 2 to 30 units are not wrong, as the table's verdicts would have it.
+    let judged = |entry: Entry| if value <= UNITS { entry.with_verdict("agrees") } else { entry };
+    check(value, why).with_table(entries.into_table(judged))
 }
 
 /// `m |w| + Σ |B| (|w_i| + |w_j|)` for every row.
@@ -56,8 +98,7 @@ fn terms(operator: &SystemOperator, w: &[f64]) -> Vec<f64> {
     }
     for ((_, [i, j], _), block) in system.active().zip(operator.blocks()) {
         let size = dofs.get(w, i).abs() + dofs.get(w, j).abs();
-        // Of the two parts of a block, α (I − nnᵀ) and β nnᵀ, each is rounded on its own: their magnitudes count, not
-        // their sum's.
+        // The two parts of a block, α (I − nnᵀ) and β nnᵀ, are rounded separately: their magnitudes count, not their sum's.
         let n = block.direction;
         let along = n * n.transpose();
         let [x, y, z] = [along[(0, 0)], along[(1, 1)], along[(2, 2)]];
@@ -85,12 +126,12 @@ pub fn refill_is_fresh(operator: &SystemOperator, refilled: &SymmetricMatrix, sc
     let lower = assemble_afresh(operator).into_iter().filter(|entry| entry.row >= entry.column);
     // Both come by columns, rows ascending.
     let mut fresh = lower.map(|entry| ((entry.column, entry.row), entry.value)).peekable();
-    let mut wrong = WorstEntries::new(TABLE_ROWS);
+    let mut wrong = WorstEntries::new();
     for (row, column, value) in refilled.iter() {
         while let Some(((column, row), missing)) = fresh.next_if(|(place, _)| *place < (column, row)) {
             wrong.compare(row, Some(column), 0.0, missing, 0.0);
         }
-        // What nothing fills is stored as zero: an axis of a particle, or of a pair, whose blocks never touch it.
+        // An entry that no block touches is stored as zero: an axis of a particle, or of a pair.
         let expected = fresh.next_if(|(place, _)| *place == (column, row)).map_or(0.0, |(_, value)| value);
         if value.to_bits() != expected.to_bits() || value.is_nan() {
             wrong.compare(row, Some(column), value, expected, 0.0);
@@ -99,33 +140,137 @@ pub fn refill_is_fresh(operator: &SystemOperator, refilled: &SymmetricMatrix, sc
     for ((column, row), missing) in fresh {
         wrong.compare(row, Some(column), 0.0, missing, 0.0);
     }
-    let count = wrong.compared() as f64;
+    let count = wrong.compared as f64;
     check(count, why).with_table(wrong.into_table(|entry| entry))
+}
+
+/// A field of displacements and its products with K and G: full-length.
+struct RigidField {
+    name: &'static str,
+    field: Vec<Vector3<f64>>,
+    stiffness: Vec<Vector3<f64>>,
+    damping: Vec<Vector3<f64>>,
+}
+
+/// K and G of rigid motions and of dilation.
+pub(super) fn rigid_motion(case: &TestCase) -> Measured {
+    let mut checks = Vec::new();
+    for option in Stiffness::ALL {
+        let k = Products::new(case, option, Combination::STIFFNESS)?;
+        for field in rigid_fields(case, option) {
+            let name = format!("K of a {}, {}", field.name, option.name());
+            checks.push(k.compare(name, &field.field, &field.stiffness, Link::magnitude));
+        }
+    }
+    if case.system.is_damped() {
+        let g = Products::new(case, Stiffness::Full, Combination::DAMPING)?;
+        for field in rigid_fields(case, Stiffness::Full) {
+            checks.push(g.compare(format!("G of a {}", field.name), &field.field, &field.damping, |link| link.damping));
+        }
+    }
+    Ok(checks)
+}
+
+fn rigid_fields(case: &TestCase, option: Stiffness) -> Vec<RigidField> {
+    let TestCase { system, state, .. } = case;
+    let n = system.particles();
+    let links = reference::links(system, &state.positions);
+    let centre = case.centre();
+    let arms: Vec<Vector3<f64>> = state.positions.iter().map(|x| x - centre).collect();
+    let zeros = || vec![Vector3::zeros(); n];
+    let modelled =
+        |vector: [f64; 3]| Vector3::from_fn(|axis, _| if axis < system.dimension() { vector[axis] } else { 0.0 });
+    let laplacian = |c: fn(&Link) -> f64| reference::sum(&links, n, |link| -link.direction * link.length * c(link));
+    let mut fields = vec![
+        RigidField {
+            name: "translation",
+            // No component is zero, and no two are alike.
+            field: vec![modelled([0.6, -0.7, 1.1]); n],
+            stiffness: zeros(),
+            damping: zeros(),
+        },
+        RigidField {
+            name: "dilation",
+            field: arms.clone(),
+            stiffness: laplacian(|link| link.stiffness / link.rest_length),
+            damping: laplacian(|link| link.damping),
+        },
+    ];
+    let omega = match system.dimension() {
+        1 => return fields,
+        2 => Vector3::new(0.0, 0.0, 0.9),
+        _ => Vector3::new(0.4, -0.9, 0.7),
+    };
+    let transverse_force = |link: &Link| link.transverse(option) * link.length * link.direction;
+    fields.push(RigidField {
+        name: "rotation",
+        field: arms.iter().map(|arm| omega.cross(arm)).collect(),
+        stiffness: reference::sum(&links, n, |link| -omega.cross(&transverse_force(link))),
+        damping: zeros(),
+    });
+    fields
+}
+
+/// The same matrix twice: assembled, and as an operator.
+struct Products<'s> {
+    case: &'s TestCase,
+    operator: SystemOperator<'s>,
+    matrix: SystemMatrix,
+}
+
+impl<'s> Products<'s> {
+    fn new(case: &'s TestCase, option: Stiffness, combination: Combination) -> Result<Self, super::check::Unfinished> {
+        let geometry = SpringGeometry::at(&case.system, &case.state.positions)?;
+        let operator = SystemOperator::new(&case.system, &geometry, option, combination);
+        let matrix = SystemMatrix::assemble(Arc::new(SpringPattern::of_stiffness(&case.system)?), &operator);
+        Ok(Self { case, operator, matrix })
+    }
+
+    /// Both products of the free rows with a full-length field against the expected one, in units of rounding.
+    fn compare(
+        &self,
+        name: String,
+        field: &[Vector3<f64>],
+        expected: &[Vector3<f64>],
+        size: impl Fn(&Link) -> f64,
+    ) -> Check {
+        let TestCase { system, state, .. } = self.case;
+        let dofs = system.dofs();
+        let (w, expected) = (reduce(system, field), reduce(system, expected));
+        // The contribution of prescribed coordinates: −(−A_fc w_c).
+        let zeros = || vec![0.0; dofs.len()];
+        let (mut known, mut coupling, mut product) = (field.to_vec(), zeros(), zeros());
+        dofs.scatter(&zeros(), &mut known);
+        self.operator.subtract_coupling(&known, &mut coupling);
+        let rounding = reference::magnitude(&reference::links(system, &state.positions), size, field);
+        let mut entries = WorstEntries::new();
+        for operator in [&self.operator as &dyn LinearOperator, self.matrix.matrix()] {
+            operator.apply(&w, &mut product);
+            for (row, dof) in dofs.iter().enumerate() {
+                let found = product[row] - coupling[row];
+                entries.compare(row, None, found, expected[row], UNITS * (U * rounding[dof.particle]));
+            }
+        }
+        let why = "in units of rounding, u |K| |w| row by row: a product adds up about ten rounded terms a spring, and the \
+                   direction, the length and the field are rounded too";
+        let check = Check::new(Claim::Conservation, name, &self.case.name, UNITS * entries.worst, UNITS, why);
+        let mut table = if check.passed() { Vec::new() } else { entries.into_table(|entry| entry) };
+        table.retain(|entry| entry.verdict != "agrees");
+        check.with_table(table)
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::refill_is_fresh;
-    use crate::assembly::{SpringPattern, SystemMatrix};
-    use crate::force::SpringGeometry;
-    use crate::operator::{Combination, SystemOperator};
-    use crate::spring::Stiffness;
+    use super::*;
     use crate::system::SystemBuilder;
-    use crate::verify::fixtures::line;
-    use std::sync::Arc;
+    use crate::verify::fixtures::{case, line};
 
-    /// Entries of the lower triangle that a matrix has wrong, as (column, row), when it was made of this scene and should be of the line.
+    /// Entries of the lower triangle that are wrong in a matrix of this scene in place of the line's, as (column, row).
     fn wrong(scene: &SystemBuilder) -> (f64, Vec<(Option<usize>, usize)>) {
-        let operator =
-            |system, extensions| SystemOperator::new(system, extensions, Stiffness::Full, Combination::step(0.5));
-        let built = [scene, &line()].map(|scene| {
-            let (system, state) = scene.clone().build().unwrap();
-            let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
-            (system, extensions)
-        });
-        let [given, right] = built.each_ref().map(|(system, extensions)| operator(system, extensions));
-        let pattern = Arc::new(SpringPattern::of_stiffness(&built[0].0).unwrap());
-        let check = refill_is_fresh(&right, SystemMatrix::assemble(pattern, &given).matrix(), "line");
+        let cases = [scene, &line()].map(|scene| case(scene.clone(), 0.5));
+        let [given, right] = cases.each_ref().map(|case| Products::new(case, Stiffness::Full, Combination::step(0.5)));
+        let check = refill_is_fresh(&right.unwrap().operator, given.unwrap().matrix.matrix(), "line");
         let mut places: Vec<_> = check.table.iter().map(|entry| (entry.column, entry.row)).collect();
         places.sort_unstable();
         (check.value, places)
@@ -144,5 +289,45 @@ mod tests {
         let mut softer = line();
         softer.springs[1].stiffness = 11.0;
         assert_eq!(wrong(&softer), (3.0, expected));
+    }
+
+    /// Two particles at (1, 2) and (3, 4), joined; z is not modelled in a plane.
+    fn pair(dimension: usize) -> TestCase {
+        let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
+        let ends = [builder.particle([1.0, 2.0, 0.0], 1.0), builder.particle([3.0, 4.0, 0.0], 2.0)];
+        builder.spring(ends[0], ends[1], crate::Spring { stiffness: 8.0, rest_length: 2.0, damping: 0.5 });
+        case(builder, 0.1)
+    }
+
+    /// The arms are ∓(1, 1, 0): a turn about z by 0.9, and in space about (0.4, −0.9, 0.7).
+    #[test]
+    fn fields_turn_and_grow_about_the_centre() {
+        for (dimension, turned) in [(2, Vector3::new(-0.9, 0.9, 0.0)), (3, Vector3::new(-0.7, 0.7, 1.3))] {
+            let fields = rigid_fields(&pair(dimension), Stiffness::Full);
+            assert_eq!(
+                fields.iter().map(|field| field.name).collect::<Vec<_>>(),
+                ["translation", "dilation", "rotation"]
+            );
+            assert_eq!(fields[1].field, [Vector3::new(-1.0, -1.0, 0.0), Vector3::new(1.0, 1.0, 0.0)]);
+            assert!((fields[2].field[1] - turned).amax() < 1e-15 && (fields[2].field[0] + turned).amax() < 1e-15);
+            assert!(rigid_motion(&pair(dimension)).unwrap().iter().all(Check::passed));
+        }
+    }
+
+    #[test]
+    fn rows_beyond_rounding_are_listed_with_their_fault() {
+        let case = pair(2);
+        let products = Products::new(&case, Stiffness::Full, Combination::STIFFNESS).unwrap();
+        let dilation = &rigid_fields(&case, Stiffness::Full)[1];
+        let compare =
+            |expected: &[Vector3<f64>]| products.compare("dilation".into(), &dilation.field, expected, Link::magnitude);
+        let right = compare(&dilation.stiffness);
+        assert!(right.passed() && right.table.is_empty());
+        let mut doubled = dilation.stiffness.clone();
+        doubled[1].y *= 2.0;
+        let wrong = compare(&doubled);
+        let found: Vec<_> = wrong.table.iter().map(|entry| (entry.row, entry.verdict.as_str())).collect();
+        assert_eq!(found, [(3, "off by the factor 0.50"); 2]);
+        assert!(!wrong.passed());
     }
 }

@@ -1,10 +1,10 @@
-//! The formulas of springs, forces and matrices, written out a second time as plainly as possible: what checks hold the solver to.
+//! The formulas of springs, forces and matrices, written a second time as plainly as possible, for checks to compare with.
 //!
 //! Nothing here is shared with the code under test. Vectors are full-length, one 3-vector a particle, prescribed or not;
-//! K^s and the damping block are multiplied out as 3×3 matrices; the order of sums is the order of the springs.
+//! K^s and the damping block are 3×3 matrices; sums go in the order of the springs.
 
 use super::TestCase;
-use crate::spring::Stiffness;
+use crate::spring::{Spring, Stiffness};
 use crate::system::{Axes, State, System};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
@@ -25,7 +25,7 @@ impl Link {
         -self.stiffness * ((self.length - self.rest_length) / self.rest_length) * self.direction
     }
 
-    /// `k (1/l0 − 1/l)`, as far as the option keeps it.
+    /// `k (1/l0 − 1/l)`, zero where the option drops it.
     pub fn transverse(&self, option: Stiffness) -> f64 {
         let exact = self.stiffness * (self.length - self.rest_length) / (self.rest_length * self.length);
         let kept = match option {
@@ -47,26 +47,25 @@ impl Link {
         self.direction * self.direction.transpose() * self.damping
     }
 
-    /// The largest that an entry of K^s, or a part of it before terms cancel, can be: what its rounding is relative to.
+    /// The largest possible entry of K^s, or of a part of it before terms cancel.
     pub fn magnitude(&self) -> f64 {
         self.stiffness / self.rest_length + self.stiffness / self.length
+    }
+
+    /// Whether the spring is so short that the rounding of its direction goes in large jumps.
+    pub fn is_collapsed(&self) -> bool {
+        self.length < 0.01 * self.rest_length
     }
 }
 
 /// All springs of a system at some positions, those between prescribed particles included.
 pub(super) fn links(system: &System, positions: &[Vector3<f64>]) -> Vec<Link> {
-    let link = |(pair, spring): (&[u32; 2], &crate::spring::Spring)| {
+    let link = |(pair, spring): (&[u32; 2], &Spring)| {
         let ends = pair.map(|p| p as usize);
         let d = positions[ends[0]] - positions[ends[1]];
         let length = (d.x * d.x + d.y * d.y + d.z * d.z).sqrt();
-        Link {
-            ends,
-            direction: d / length,
-            length,
-            stiffness: spring.stiffness,
-            rest_length: spring.rest_length,
-            damping: spring.damping,
-        }
+        let &Spring { stiffness, rest_length, damping } = spring;
+        Link { ends, direction: d / length, length, stiffness, rest_length, damping }
     };
     system.pairs().iter().zip(system.springs()).map(link).collect()
 }
@@ -92,31 +91,29 @@ pub(super) fn damping_product(links: &[Link], w: &[Vector3<f64>]) -> Vec<Vector3
     sum(links, w.len(), |link| -link.damping_block() * (w[link.ends[0]] - w[link.ends[1]]))
 }
 
-/// `|K| |w|` particle by particle: the sum of the magnitudes of everything that is added up in `K w`.
-pub(super) fn magnitude(links: &[Link], block: impl Fn(&Link) -> f64, w: &[Vector3<f64>]) -> Vec<f64> {
-    let mut total = vec![0.0; w.len()];
-    for link in links {
-        let [i, j] = link.ends;
-        let size = block(link) * (w[i].norm() + w[j].norm());
-        total[i] += size;
-        total[j] += size;
-    }
-    total
-}
-
-/// `Σ k (l + l0)/l0` particle by particle: the magnitudes in f_el before strains cancel, in N.
-pub(super) fn pull(links: &[Link], particles: usize) -> Vec<f64> {
+/// Sums over the springs of every particle.
+fn sizes(links: &[Link], particles: usize, size: impl Fn(&Link) -> f64) -> Vec<f64> {
     let mut total = vec![0.0; particles];
     for link in links {
-        let size = link.stiffness * (link.length + link.rest_length) / link.rest_length;
+        let size = size(link);
         link.ends.iter().for_each(|&p| total[p] += size);
     }
     total
 }
 
+/// `|K| |w|` particle by particle: the sum of the magnitudes of all terms of `K w`.
+pub(super) fn magnitude(links: &[Link], block: impl Fn(&Link) -> f64, w: &[Vector3<f64>]) -> Vec<f64> {
+    sizes(links, w.len(), |link| block(link) * (w[link.ends[0]].norm() + w[link.ends[1]].norm()))
+}
+
+/// `Σ k (l + l0)/l0` particle by particle: the magnitudes in f_el before strains cancel, in N.
+pub(super) fn pull(links: &[Link], particles: usize) -> Vec<f64> {
+    sizes(links, particles, |link| link.stiffness * (link.length + link.rest_length) / link.rest_length)
+}
+
 /// `A = M/dt² − G/dt − K` over the free degrees of freedom as a dense matrix.
-pub(super) fn dense_step_matrix(subject: &TestCase, option: Stiffness, dt: f64) -> DMatrix<f64> {
-    let TestCase { system, state, .. } = subject;
+pub(super) fn dense_step_matrix(case: &TestCase, option: Stiffness, dt: f64) -> DMatrix<f64> {
+    let TestCase { system, state, .. } = case;
     let n = 3 * system.particles();
     let mut whole = DMatrix::zeros(n, n);
     for (p, mass) in system.masses().iter().enumerate() {
@@ -136,16 +133,13 @@ pub(super) fn dense_step_matrix(subject: &TestCase, option: Stiffness, dt: f64) 
     DMatrix::from_fn(free.len(), free.len(), |row, column| whole[(free[row], free[column])])
 }
 
-/// The largest sum of magnitudes in a row of A: at least `‖A‖∞`. Rows are those of particles that move: what is held is in no matrix, however heavy.
-pub(super) fn step_matrix_norm(subject: &TestCase, state: &State, dt: f64) -> f64 {
-    let system = &subject.system;
-    let mut rows: Vec<f64> = system.masses().iter().map(|mass| mass / (dt * dt)).collect();
-    for link in links(system, &state.positions) {
-        // A row of a 3×3 block of norm β sums up to at most √3 β, once on the diagonal and once beside it.
-        let size = 2.0 * 3f64.sqrt() * (link.magnitude() + link.damping / dt);
-        link.ends.iter().for_each(|&p| rows[p] += size);
-    }
-    movers(system).map(|p| rows[p]).fold(0.0, f64::max)
+/// The largest sum of magnitudes in a row of A, at least `‖A‖∞`, over the particles that move: a held one is in no matrix.
+pub(super) fn step_matrix_norm(case: &TestCase, state: &State, dt: f64) -> f64 {
+    let system = &case.system;
+    // A row of a 3×3 block of norm β sums up to at most √3 β, once on the diagonal and once beside it.
+    let size = |link: &Link| 2.0 * 3f64.sqrt() * (link.magnitude() + link.damping / dt);
+    let rows = sizes(&links(system, &state.positions), system.particles(), size);
+    movers(system).map(|p| system.masses()[p] / (dt * dt) + rows[p]).fold(0.0, f64::max)
 }
 
 /// Particles with a free coordinate.
@@ -153,18 +147,15 @@ pub(super) fn movers(system: &System) -> impl Iterator<Item = usize> + '_ {
     (0..system.particles()).filter(|&p| system.dofs().free_axes(p) != Axes::NONE)
 }
 
-/// A field of vectors without symmetry, the same at every call: no component along a modelled axis is zero, no two are
-/// alike, all are at most 1.
+/// The smallest mass of a particle that moves, in kg.
+pub(super) fn lightest(system: &System) -> f64 {
+    movers(system).map(|p| system.masses()[p]).fold(f64::INFINITY, f64::min)
+}
+
+/// A field of vectors without symmetry: no component along a modelled axis is zero, no two are alike, all are at most 1.
 pub(super) fn field(system: &System) -> Vec<Vector3<f64>> {
     // Multiples of the golden ratio, modulo 1, are spread evenly and never repeat.
     let spread = |n: usize| 2.0 * ((n as f64 * 0.618_033_988_749_895) % 1.0) - 1.0;
     let vector = |p| Vector3::from_fn(|axis, _| if axis < system.dimension() { spread(3 * p + axis + 1) } else { 0.0 });
     (0..system.particles()).map(vector).collect()
-}
-
-/// The free coordinates of a full-length vector.
-pub(super) fn free(system: &System, full: &[Vector3<f64>]) -> Vec<f64> {
-    let mut reduced = vec![0.0; system.dofs().len()];
-    system.dofs().gather(full, &mut reduced);
-    reduced
 }

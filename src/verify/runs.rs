@@ -1,34 +1,49 @@
-//! Running a subject by each of the methods.
+//! Runs of a scene by each of the methods, and runs that must be the same to the bit: the same run twice, with one thread and with two,
+//! in a plane and in space.
+//!
+//! A planar scene has the same degrees of freedom as its twin in space with the third axis held, hence the same matrices,
+//! the same operations and the same rounding.
 
-use super::{TestCase, Unfinished};
-use crate::integrate::{Equations, ImplicitOptions, Method, Status, StepFailure, StiffnessPolicy};
+use super::TestCase;
+use super::check::{Check, Claim, Measured, Unfinished, worst};
+use crate::error::Error;
+use crate::integrate::{Equations, ImplicitOptions, Method, Status, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions};
 use crate::spring::Stiffness;
 use crate::system::State;
+use faer::Par;
+
+/// Degrees of freedom up to which every method is run.
+const AFFORDABLE: usize = 10_000;
 
 /// A method with the stiffness in its matrix.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Way {
+pub(super) struct MethodVariant {
     pub method: Method,
     pub stiffness: StiffnessPolicy,
 }
 
-impl Way {
-    /// Linearised backward Euler under an option.
-    pub fn notes(option: Stiffness) -> Self {
+impl MethodVariant {
+    /// Linear backward Euler under an option.
+    pub fn linear(option: Stiffness) -> Self {
         Self { method: Method::LinearBackwardEuler, stiffness: StiffnessPolicy::Always(option) }
     }
 
+    /// Linear backward Euler, with the full stiffness where that is definite.
+    pub fn on_demand() -> Self {
+        Self { method: Method::LinearBackwardEuler, stiffness: StiffnessPolicy::OnDemand }
+    }
+
     /// Every method; those that solve one linear system after the other under every option, as the option is in the
-    /// result. On large subjects one implicit way and one explicit one.
-    pub fn of(subject: &TestCase) -> impl Iterator<Item = Self> {
-        let affordable = subject.system.dofs().len() <= AFFORDABLE;
+    /// result. On large scenes one implicit variant and one explicit one.
+    pub fn of(case: &TestCase) -> impl Iterator<Item = Self> {
+        let affordable = case.system.dofs().len() <= AFFORDABLE;
         let all = Method::ALL.into_iter().flat_map(|method| {
             let options = if has_option(method) { &Stiffness::ALL[..] } else { &[] };
             let always = options.iter().map(move |&option| Self { method, stiffness: StiffnessPolicy::Always(option) });
             always.chain([Self { method, stiffness: StiffnessPolicy::OnDemand }])
         });
-        all.filter(move |way| affordable || *way == Self::notes(Stiffness::Tension) || way.method == Method::Verlet)
+        all.filter(move |v| affordable || *v == Self::linear(Stiffness::Tension) || v.method == Method::Verlet)
     }
 
     pub fn name(self) -> String {
@@ -44,9 +59,9 @@ impl Way {
         self.method.equations() == Equations::Nonlinear
     }
 
-    /// The subject's step, or one that resolves all motion where only such a step makes sense.
-    pub fn step(self, subject: &TestCase) -> f64 {
-        if self.method.is_implicit() { subject.dt } else { subject.dt.min(subject.resolving_step()) }
+    /// The scene's step, or for an explicit method one that resolves all motion.
+    pub fn step(self, case: &TestCase) -> f64 {
+        if self.method.is_implicit() { case.dt } else { case.dt.min(case.resolving_step()) }
     }
 
     /// Whether theory allows that a step is refused: A may be indefinite under the full stiffness.
@@ -57,19 +72,19 @@ impl Way {
     /// The states of a run, the initial one first; `None` where theory allows that a step is refused, and one was.
     pub fn run(
         self,
-        subject: &TestCase,
+        case: &TestCase,
         linear: SolverOptions,
         dt: f64,
         steps: usize,
     ) -> Result<Option<Vec<State>>, Unfinished> {
         let options = ImplicitOptions { stiffness: self.stiffness, linear };
-        let mut stepper = self.method.stepper(&subject.system, &subject.state, &options)?;
-        let mut state = subject.state.clone();
+        let mut stepper = self.method.stepper(&case.system, &case.state, &options)?;
+        let mut state = case.state.clone();
         let mut states = vec![state.clone()];
         for _ in 0..steps {
             match stepper.step(&mut state, dt) {
                 Ok(()) => states.push(state.clone()),
-                Err(failure) if self.may_be_refused() && is_refusal(&failure) => return Ok(None),
+                Err(failure) if self.may_be_refused() && failure.status() == Status::Indefinite => return Ok(None),
                 Err(failure) => return Err(failure.into()),
             }
         }
@@ -77,24 +92,39 @@ impl Way {
     }
 }
 
-/// Degrees of freedom up to which every method is run.
-const AFFORDABLE: usize = 10_000;
-
-/// Whether the stiffness option is in the result, not only on the way to it.
+/// Whether the result depends on the stiffness option.
 fn has_option(method: Method) -> bool {
     method.equations() == Equations::Linear
 }
 
-fn is_refusal(failure: &StepFailure) -> bool {
-    failure.status() == Status::Indefinite
-}
-
-/// Sparse Cholesky: the solver that leaves rounding errors only.
+/// Sparse Cholesky, the solver that leaves rounding errors only.
 pub(super) fn direct() -> SolverOptions {
     SolverOptions { solver: SolverChoice::Llt, ..SolverOptions::default() }
 }
 
-/// How many numbers differ, in bits; a run that only one of the two could do differs in everything.
+/// The checks of the states of every run that was not refused: `check(variant, dt, states)`.
+pub(super) fn each_run<C: IntoIterator<Item = Check>>(
+    case: &TestCase,
+    variants: impl Iterator<Item = MethodVariant>,
+    steps: usize,
+    check: impl Fn(MethodVariant, f64, &[State]) -> C,
+) -> Measured {
+    let mut checks = Vec::new();
+    for variant in variants {
+        let dt = variant.step(case);
+        if let Some(states) = variant.run(case, direct(), dt, steps)? {
+            checks.extend(check(variant, dt, &states));
+        }
+    }
+    Ok(checks)
+}
+
+/// The largest error of all steps from one state to the next.
+pub(super) fn worst_step(states: &[State], error: impl Fn(&State, &State) -> f64) -> f64 {
+    worst(states.windows(2).map(|pair| error(&pair[0], &pair[1])))
+}
+
+/// The count of numbers that differ in a bit; infinite where only one of the runs was refused.
 pub(super) fn differences(a: &Option<Vec<State>>, b: &Option<Vec<State>>) -> f64 {
     let (Some(a), Some(b)) = (a, b) else { return if a.is_none() && b.is_none() { 0.0 } else { f64::INFINITY } };
     let numbers = |states: &[State]| -> Vec<u64> {
@@ -103,8 +133,43 @@ pub(super) fn differences(a: &Option<Vec<State>>, b: &Option<Vec<State>>) -> f64
         vectors.flat_map(|v| [v.x, v.y, v.z]).map(|c| (c + 0.0).to_bits()).collect()
     };
     let (a, b) = (numbers(a), numbers(b));
-    if a.len() != b.len() {
-        return f64::INFINITY;
+    let differing = a.iter().zip(&b).filter(|(a, b)| a != b).count();
+    if a.len() == b.len() { differing as f64 } else { f64::INFINITY }
+}
+
+/// Steps of runs that are compared.
+const STEPS: usize = 10;
+
+/// A planar or one-dimensional scene against its twin in space.
+pub(super) fn in_space(case: &TestCase) -> Measured {
+    let twin = case.in_space()?;
+    let why = "the degrees of freedom are the same, so every operation is: not one bit may differ";
+    let check = |variant: MethodVariant| {
+        let run = |scene| variant.run(scene, direct(), variant.step(case), STEPS);
+        let name = format!("same in space with the other axes held, {}", variant.name());
+        Ok(Check::new(Claim::Constraints, name, &case.name, differences(&run(case)?, &run(&twin)?), 0.0, why))
+    };
+    MethodVariant::of(case).map(check).collect()
+}
+
+/// The same run twice, and by two threads.
+pub(super) fn repeated(case: &TestCase) -> Measured {
+    let why = "nothing but the scene and the options decides a result: not one bit may differ";
+    let check = |name, value| Check::new(Claim::Solvers, name, &case.name, value, 0.0, why);
+    let mut checks = Vec::new();
+    for variant in MethodVariant::of(case) {
+        let run = || variant.run(case, SolverOptions::default(), variant.step(case), STEPS);
+        checks.push(check(format!("same run twice, {}", variant.name()), differences(&run()?, &run()?)));
     }
-    a.iter().zip(&b).filter(|(a, b)| a != b).count() as f64
+    for (solver, name) in [(SolverChoice::Llt, "Cholesky"), (SolverChoice::Ldlt, "LDLᵀ"), (SolverChoice::Cg, "CG")] {
+        // The number of parts of a factorization is an option; the number of threads that work on them must not matter.
+        let options = SolverOptions { solver, par: Par::rayon(2), ..SolverOptions::default() };
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let pool = pool.map_err(|error| Error::Unsupported(format!("no pool of {threads} threads: {error}")))?;
+            pool.install(|| MethodVariant::on_demand().run(case, options.clone(), case.dt, STEPS))
+        };
+        checks.push(check(format!("same with one thread and two, {name}"), differences(&run(1)?, &run(2)?)));
+    }
+    Ok(checks)
 }

@@ -1,15 +1,17 @@
-//! What is checked: a system at a state, with the step that it is meant to be run with.
+//! A system at a state, with the step that it is meant to be run with, and variations of it.
 
 use crate::error::Result;
 #[cfg(feature = "scene")]
 use crate::scene::Scene;
 use crate::spring::{Extension, Spring};
-use crate::system::{Axes, Constraint, State, System, SystemBuilder};
+use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
+#[cfg(feature = "scene")]
+use crate::system::{Behaviour, Loads};
 use nalgebra::Vector3;
 
 /// A system at its initial state, with a step.
 ///
-/// Some properties hold only where nothing is compressed, or held, or moving. A *twin* is the same system with just that
+/// Some properties hold only where nothing is compressed, or held, or moving. A *twin* is the same system with that
 /// changed, so that they can be checked on the masses, springs and shape of any scene.
 #[derive(Debug, Clone)]
 pub struct TestCase {
@@ -23,16 +25,15 @@ pub struct TestCase {
     pub dt: f64,
 }
 
-/// How much shorter than the springs the rest lengths of a stretched twin are, and how much longer those of a
-/// squeezed one: far enough from 1 that no option's transverse term is near zero.
+/// Ratio of lengths and rest lengths in a stretched or squeezed twin: no option's transverse term is near zero.
 const STRETCH: f64 = 1.25;
 
 impl TestCase {
-    /// A scene, built; without a `dt` of its own the step is the [`resolving_step`](Self::resolving_step). Loads, drag, gravity that changes, and that
-    /// springs do not push or change their rest lengths, is left out: checks do not judge it.
+    /// Builds a scene; without a `dt` of its own the step is the [`resolving_step`](Self::resolving_step). Loads, drag, changing
+    /// gravity, slack springs and changing rest lengths are left out: no check judges them.
     ///
     /// # Errors
-    /// When the scene cannot be built, or has springs without a rest length, which checks do not judge.
+    /// When the scene cannot be built, or has springs of rest length zero, which no check judges.
     #[cfg(feature = "scene")]
     pub fn of_scene(scene: &Scene) -> Result<Self> {
         let (system, state) = scene.build()?;
@@ -40,11 +41,10 @@ impl TestCase {
             let what = format!("{}: spring {spring} has no rest length, and checks judge none without", scene.name);
             return Err(crate::error::Error::Unsupported(what));
         }
-        let system =
-            system.with_behaviour(crate::system::Behaviour::default())?.with_loads(crate::system::Loads::default())?;
-        let subject = Self { name: scene.name.clone(), system, state, dt: 0.0 };
-        let dt = scene.time.dt.unwrap_or_else(|| subject.resolving_step());
-        Ok(Self { dt, ..subject })
+        let system = system.with_behaviour(Behaviour::default())?.with_loads(Loads::default())?;
+        let case = Self { name: scene.name.clone(), system, state, dt: 0.0 };
+        let dt = scene.time.dt.unwrap_or_else(|| case.resolving_step());
+        Ok(Self { dt, ..case })
     }
 
     /// A step that resolves every vibration and every decay: `z = ω dt ≤ 1/2` and `(b/m) dt ≤ 1/2` by Gershgorin's bounds
@@ -52,8 +52,7 @@ impl TestCase {
     pub fn resolving_step(&self) -> f64 {
         let mut rates = vec![(0.0, 0.0); self.system.particles()];
         for (_, [i, j], spring) in self.system.active() {
-            let (xi, xj) = (&self.state.positions[i], &self.state.positions[j]);
-            let length = (xi - xj).norm();
+            let length = (self.state.positions[i] - self.state.positions[j]).norm();
             let stiffness = spring.stiffness / spring.rest_length.min(length);
             for p in [i, j] {
                 rates[p].0 += 2.0 * stiffness / self.system.masses()[p];
@@ -79,28 +78,28 @@ impl TestCase {
     /// Without constraints.
     ///
     /// # Errors
-    /// None that a valid subject could cause.
+    /// None for a valid system.
     pub fn freed(&self) -> Result<Self> {
         self.twin("freed", |twin| twin.constraints.clear())
     }
 
-    /// At rest everywhere: rest lengths as long as the springs are, no velocities, no gravity, prescribed coordinates held.
+    /// At rest: rest lengths equal to the lengths, no velocities, no gravity, prescribed coordinates held.
     ///
     /// # Errors
-    /// None that a valid subject could cause.
+    /// None for a valid system.
     pub fn relaxed(&self) -> Result<Self> {
         self.twin("relaxed", |twin| {
             with_lengths(twin, |_, length| length);
             twin.gravity = Vector3::zeros();
             twin.velocities.fill(Vector3::zeros());
-            twin.constraints.iter_mut().for_each(|constraint| constraint.motion = crate::system::Motion::Held);
+            twin.constraints.iter_mut().for_each(|constraint| constraint.motion = Motion::Held);
         })
     }
 
     /// With every spring stretched: rest lengths at most 0.8 of the lengths.
     ///
     /// # Errors
-    /// None that a valid subject could cause.
+    /// None for a valid system.
     pub fn stretched(&self) -> Result<Self> {
         self.twin("stretched", |twin| with_lengths(twin, |spring, length| spring.rest_length.min(length / STRETCH)))
     }
@@ -108,7 +107,7 @@ impl TestCase {
     /// With every spring compressed: rest lengths at least 1.25 times the lengths.
     ///
     /// # Errors
-    /// None that a valid subject could cause.
+    /// None for a valid system.
     pub fn squeezed(&self) -> Result<Self> {
         self.twin("squeezed", |twin| with_lengths(twin, |spring, length| spring.rest_length.max(length * STRETCH)))
     }
@@ -116,7 +115,7 @@ impl TestCase {
     /// In three dimensions, with the axes that are not modelled held instead.
     ///
     /// # Errors
-    /// None that a valid subject could cause.
+    /// None for a valid system.
     pub fn in_space(&self) -> Result<Self> {
         let absent = Axes::ALL.without(Axes::first(self.system.dimension()));
         self.twin("in space", |twin| {
@@ -125,20 +124,17 @@ impl TestCase {
         })
     }
 
-    /// The description that this subject could have been built from.
+    /// A description that builds the same system and state.
     fn description(&self) -> SystemBuilder {
         let Self { system, state, .. } = self;
         let prescribed = system.prescribed();
         let mut positions = state.positions.clone();
-        let constraint = |(dof, start, motion): (crate::system::Dof, f64, usize)| {
+        let mut constraints = Vec::new();
+        for (dof, start, motion) in prescribed.iter() {
             positions[dof.particle][dof.axis] = start;
-            Constraint {
-                particles: vec![dof.particle],
-                axes: Axes::of(&[dof.axis]),
-                motion: prescribed.motions()[motion].clone(),
-            }
-        };
-        let constraints = prescribed.iter().map(constraint).collect();
+            let (particles, axes) = (vec![dof.particle], Axes::of(&[dof.axis]));
+            constraints.push(Constraint { particles, axes, motion: prescribed.motions()[motion].clone() });
+        }
         SystemBuilder {
             dimension: system.dimension(),
             gravity: system.gravity(),
@@ -151,11 +147,11 @@ impl TestCase {
         }
     }
 
-    fn twin(&self, how: &str, change: impl FnOnce(&mut SystemBuilder)) -> Result<Self> {
+    fn twin(&self, suffix: &str, change: impl FnOnce(&mut SystemBuilder)) -> Result<Self> {
         let mut description = self.description();
         change(&mut description);
         let (system, state) = description.build()?;
-        Ok(Self { name: format!("{}, {how}", self.name), system, state, dt: self.dt })
+        Ok(Self { name: format!("{}, {suffix}", self.name), system, state, dt: self.dt })
     }
 }
 
@@ -168,4 +164,89 @@ fn with_lengths(twin: &mut SystemBuilder, rest_length: impl Fn(&Spring, f64) -> 
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::verify::fixtures::case;
+
+    fn spring(stiffness: f64, rest_length: f64, damping: f64) -> Spring {
+        Spring { stiffness, rest_length, damping }
+    }
+
+    /// Particles of 2, 1 and 4 kg at x = 1, 3 and 8 m of the plane, joined by these springs; the first held, the last one led along x.
+    fn row(springs: [Spring; 2]) -> TestCase {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        builder.gravity(0.0, -9.0, 0.0);
+        for (x, mass) in [(1.0, 2.0), (3.0, 1.0), (8.0, 4.0)] {
+            builder.particle([x, 0.0, 0.0], mass);
+        }
+        builder.velocities[1] = Vector3::new(0.5, -1.0, 0.0);
+        for (n, spring) in springs.into_iter().enumerate() {
+            builder.spring(n, n + 1, spring);
+        }
+        builder.hold(0);
+        let motion = Motion::Velocity(Vector3::new(2.0, 0.0, 0.0));
+        builder.constrain(Constraint { particles: vec![2], axes: Axes::of(&[0]), motion });
+        case(builder, 0.1)
+    }
+
+    /// The springs are 2 and 5 m long. The stiffness of each is k over the shorter of length and rest length: 8/2 and 6/3 N/m, together
+    /// 6 N/m at the particle of 1 kg, so ω² ≤ 12. The decay there is `2 (b₁ + b₂)/m` per second.
+    #[test]
+    fn a_step_resolves_vibrations_and_decays() {
+        let step = |b: f64| row([spring(8.0, 4.0, b), spring(6.0, 3.0, 2.0 * b)]).resolving_step();
+        assert!((step(0.125) - 0.5 / 12f64.sqrt()).abs() < 1e-15);
+        assert!((step(2.0) - 0.5 / 12.0).abs() < 1e-15);
+        let row = row([spring(8.0, 1.0, 0.0), spring(6.0, 12.0, 0.0)]);
+        assert!((row.resolving_step() - 0.5 / 18.4f64.sqrt()).abs() < 1e-15);
+        assert_eq!((row.centre(), row.extent()), (Vector3::new(4.0, 0.0, 0.0), 4.0));
+    }
+
+    /// Nothing pulls a lone particle, and between coincident particles no step is short enough.
+    #[test]
+    fn without_a_rate_the_step_is_a_second() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([1.0, 2.0, 3.0], 1.0);
+        let lone = case(builder, 0.1);
+        assert_eq!((lone.resolving_step(), lone.extent()), (1.0, 1.0));
+        let mut collapsed = row([spring(8.0, 4.0, 0.0); 2]);
+        collapsed.state.positions[1] = collapsed.state.positions[0];
+        assert_eq!(collapsed.resolving_step(), 1.0);
+    }
+
+    #[test]
+    fn twins_differ_in_what_they_are_named_after() {
+        let row = row([spring(8.0, 3.0, 0.25), spring(6.0, 3.0, 0.0)]);
+        let lengths = |twin: &TestCase| twin.system.springs().iter().map(|s| s.rest_length).collect::<Vec<_>>();
+        assert_eq!(lengths(&row.relaxed().unwrap()), [2.0, 5.0]);
+        assert_eq!(lengths(&row.stretched().unwrap()), [1.6, 3.0]);
+        assert_eq!(lengths(&row.squeezed().unwrap()), [3.0, 6.25]);
+        for twin in [row.stretched().unwrap(), row.squeezed().unwrap()] {
+            assert_eq!((twin.state, twin.dt, twin.system.dofs().len()), (row.state.clone(), 0.1, 3));
+            assert_eq!((twin.system.masses(), twin.system.gravity()), (row.system.masses(), row.system.gravity()));
+            let springs: Vec<_> = twin.system.springs().iter().map(|s| (s.stiffness, s.damping)).collect();
+            assert_eq!(springs, [(8.0, 0.25), (6.0, 0.0)]);
+        }
+        let freed = row.freed().unwrap();
+        assert_eq!((freed.name.as_str(), freed.system.dofs().len()), ("case, freed", 6));
+        let relaxed = row.relaxed().unwrap();
+        assert!(relaxed.state.velocities.iter().all(|v| v.norm() == 0.0) && relaxed.system.gravity().norm() == 0.0);
+        assert!(!relaxed.system.prescribed().moves() && relaxed.system.dofs().len() == 3);
+        let space = row.in_space().unwrap();
+        assert_eq!((space.system.dimension(), space.system.dofs().len()), (3, 3));
+        assert_eq!(space.state, row.state);
+    }
+
+    /// The step is the scene's own, or one that resolves its vibrations.
+    #[cfg(feature = "scene")]
+    #[test]
+    fn a_scene_has_a_step_of_its_own_or_one_that_resolves_it() {
+        let text = include_str!("scenes/two_springs.toml");
+        let mut scene = crate::scene::Scene::from_toml(text).unwrap();
+        scene.time.dt = Some(0.0625);
+        assert_eq!(TestCase::of_scene(&scene).unwrap().dt, 0.0625);
+        scene.time.dt = None;
+        let case = TestCase::of_scene(&scene).unwrap();
+        assert!(case.dt > 0.0 && case.dt == case.resolving_step());
+        assert!(crate::verify::built_in().unwrap().iter().all(|case| case.dt > 0.0));
+    }
+}

@@ -8,27 +8,25 @@
 //! whatever the scale of the scene. The error of a component is taken relative to `S = Σ ‖K^s‖ ‖δ‖` over the springs of
 //! its particle: weak parts of a scene count like stiff ones. K is applied to the displacement that is left after
 //! rounding x ± h w, so that a scene far from the origin loses nothing but the exactness of the middle.
+//!
+//! Options II and III drop transverse terms of K. With these added back the V-curve has its floor again; without them it ends
+//! on a plateau of their size.
 
-use super::check::{Check, worst};
-use super::claim::Claim;
+use super::check::{Check, Claim, worst};
+use super::dual::dual_stiffness_block;
 use super::force_error::{ForceError, Link, SECOND, U, block_rounding, truncation};
-use super::reduced::{random_vector, reduce};
+use super::free_coordinates::reduce;
 use super::reference;
+use super::stiffness::against_blocks;
+use crate::assembly::SymmetricMatrix;
 use crate::figure::{Guide, Plot, Series};
 use crate::force::{DegenerateSpring, SpringGeometry};
 use crate::operator::LinearOperator;
+use crate::spring::{Spring, Stiffness};
 use crate::system::{State, System};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
-/// Length over rest length below which a spring is all but collapsed.
-const COLLAPSED: f64 = 0.01;
-
-/// Number of random directions, of which the worst counts at each h. In large scenes one has components enough.
-fn directions(rows: usize) -> u64 {
-    if rows <= 10_000 { 4 } else { 1 }
-}
-
-/// A point of the curve.
+/// A point of the curve: the worst of all directions.
 #[derive(Debug, Clone, Copy)]
 struct Point {
     h: f64,
@@ -36,7 +34,7 @@ struct Point {
     error: f64,
     /// The largest error that analysis allows.
     allowed: f64,
-    /// What the leading term of the truncation error will be.
+    /// The leading term of the truncation error.
     truncation: f64,
     /// The bound of the rounding error; the error itself is usually some thirty times smaller.
     rounding: f64,
@@ -46,37 +44,31 @@ struct Point {
 
 /// Measured errors over h, from large to the smallest that the rounding of x resolves.
 #[derive(Debug, Clone)]
-pub(super) struct VCurve(Vec<Point>);
+struct VCurve(Vec<Point>);
+
+/// Steps of 2⁻³ to 2⁻⁴².
+fn all_steps() -> Vec<f64> {
+    (3..=42).map(|exponent| (-f64::from(exponent)).exp2()).collect()
+}
 
 impl VCurve {
-    /// Measures `force`, over the free coordinates, against a product `K w`, at 2⁻³ to 2⁻⁴².
-    pub fn measure(
-        system: &System,
-        state: &State,
-        force: impl FnMut(&[f64], &mut [f64]),
-        stiffness: &impl LinearOperator,
-    ) -> Result<Self, DegenerateSpring> {
-        let steps: Vec<f64> = (3..=42).map(|exponent| (-f64::from(exponent)).exp2()).collect();
-        Self::measure_at(system, state, force, stiffness, &steps)
-    }
-
-    /// Measures at the given steps.
-    pub fn measure_at(
+    /// Measures `force`, over the free coordinates, against a product `K w` at the given steps.
+    fn measure(
         system: &System,
         state: &State,
         mut force: impl FnMut(&[f64], &mut [f64]),
         stiffness: &impl LinearOperator,
         steps: &[f64],
     ) -> Result<Self, DegenerateSpring> {
-        let extensions = SpringGeometry::at(system, &state.positions)?;
-        let error = ForceError::new(system, &extensions);
-        let directions: Vec<_> =
-            (0..directions(system.dofs().len())).map(|seed| Direction::new(system, &error, state, seed)).collect();
+        let geometry = SpringGeometry::at(system, &state.positions)?;
+        let error = ForceError::new(system, &geometry);
+        // Random directions, of which the worst counts at each h. A large scene has components enough for one.
+        let count = if system.dofs().len() <= 10_000 { 4 } else { 1 };
+        let directions: Vec<_> = (0..count).map(|seed| Direction::new(&error, state, seed)).collect();
         let x = reduce(system, &state.positions);
         let resolved_from = directions.iter().map(|direction| direction.resolved_from).fold(0.0, f64::max);
-        let points = steps.iter().copied().filter(|&h| h >= resolved_from).map(|h| {
-            let of = |d: &Direction| Point { error: d.error(&x, h, &mut force, stiffness), ..d.predict(h) };
-            let points: Vec<Point> = directions.iter().map(of).collect();
+        let points = steps.iter().filter(|&&h| h >= resolved_from).map(|&h| {
+            let points: Vec<Point> = directions.iter().map(|d| d.point(&x, h, &mut force, stiffness)).collect();
             let largest = |of: fn(&Point) -> f64| worst(points.iter().map(of));
             Point {
                 h,
@@ -91,34 +83,33 @@ impl VCurve {
     }
 
     /// The smallest measured error, and the smallest that analysis allows. NaN if any error is NaN.
-    pub fn floor(&self) -> (f64, f64) {
+    fn floor(&self) -> (f64, f64) {
         let smallest = |of: fn(&Point) -> f64| -worst(self.0.iter().map(|point| -of(point)));
         (smallest(|point| point.error), smallest(|point| point.allowed))
     }
 
-    /// The step where analysis allows least, where a plateau is read: h, the measured error, the allowed one.
-    pub fn plateau(&self) -> (f64, f64, f64) {
+    /// The step where analysis allows least, at which a plateau is read: h, the measured error, the allowed one.
+    fn plateau(&self) -> (f64, f64, f64) {
         let best = self.0.iter().min_by(|a, b| a.allowed.total_cmp(&b.allowed));
         best.map_or((f64::NAN, f64::NAN, f64::NAN), |point| (point.h, point.error, point.allowed))
     }
 
     /// Slope where truncation must dominate: at least ten times every rounding, and h so small that the next term,
     /// smaller by h², does not show. `None` where f is linear along w or too few steps are left.
-    pub fn truncation_slope(&self) -> Option<f64> {
+    fn truncation_slope(&self) -> Option<f64> {
         let dominates = |p: &&Point| p.h <= 1.0 / 64.0 && p.truncation >= 10.0 * (p.rounding + p.offset);
         slope(self.0.iter().filter(dominates), 4)
     }
 
-    /// Slope where rounding must dominate: ten times truncation and the middle's error, taking a thirtieth of its bound
-    /// for it. Steps at which it vanishes are left out: along the axes d, l and n may be exact.
-    pub fn rounding_slope(&self) -> Option<f64> {
+    /// Slope where rounding must dominate: ten times truncation and the middle's error, at a thirtieth of its bound.
+    /// Steps at which it vanishes are left out: along the axes d, l and n may be exact.
+    fn rounding_slope(&self) -> Option<f64> {
         let dominates = |p: &&Point| p.rounding <= 3.0 && p.rounding / 30.0 >= 10.0 * worst([p.truncation, p.offset]);
         let vanishes = |p: &Point| p.error < 1e-3 * p.rounding;
         slope(self.0.iter().filter(dominates).filter(|p| !vanishes(p)), 10)
     }
 
-    /// Points for a plot.
-    pub fn series(&self, name: &str) -> Series {
+    fn series(&self, name: &str) -> Series {
         Series::line(name, self.0.iter().map(|point| (point.h, point.error)).collect())
     }
 }
@@ -127,16 +118,17 @@ impl VCurve {
 fn slope<'p>(points: impl Iterator<Item = &'p Point>, least: usize) -> Option<f64> {
     let logs: Vec<(f64, f64)> = points.map(|point| (point.h.ln(), point.error.ln())).collect();
     let n = logs.len() as f64;
-    let (x, y) = logs.iter().fold((0.0, 0.0), |(x, y), point| (x + point.0 / n, y + point.1 / n));
-    let (xy, xx) = logs
-        .iter()
-        .fold((0.0, 0.0), |(xy, xx), point| (xy + (point.0 - x) * (point.1 - y), xx + (point.0 - x) * (point.0 - x)));
+    let (mut x, mut y, mut xy, mut xx) = (0.0, 0.0, 0.0, 0.0);
+    logs.iter().for_each(|point| (x, y) = (x + point.0 / n, y + point.1 / n));
+    for point in &logs {
+        xy += (point.0 - x) * (point.1 - y);
+        xx += (point.0 - x) * (point.0 - x);
+    }
     (logs.len() >= least).then_some(xy / xx)
 }
 
-/// A direction w, and everything that is known about the error along it.
+/// A direction w, and the analysis of the error along it.
 struct Direction<'a> {
-    system: &'a System,
     error: &'a ForceError<'a>,
     w: Vec<f64>,
     /// w as one vector a particle.
@@ -154,41 +146,33 @@ struct Direction<'a> {
 }
 
 impl<'a> Direction<'a> {
-    fn new(system: &'a System, error: &'a ForceError<'a>, state: &State, seed: u64) -> Self {
-        let dofs = system.dofs();
-        let mut w = random_vector(dofs.len(), seed);
-        let mut resolved_from: f64 = 0.0;
-        for particle in 0..system.particles() {
-            let shortest = error.shortest(particle);
-            let reach = if shortest.is_finite() { shortest / (2.0 * 3.0_f64.sqrt()) } else { 0.0 };
-            w[dofs.rows(particle)].iter_mut().for_each(|w| *w *= reach);
-            if reach > 0.0 {
-                resolved_from = resolved_from.max(128.0 * U * state.positions[particle].amax() / reach);
-            }
-        }
-        let moves = (0..system.particles()).map(|particle| dofs.get(&w, particle)).collect();
-        let none = Vec::new();
+    fn new(error: &'a ForceError<'a>, state: &State, seed: u64) -> Self {
+        let particles = 0..error.system.particles();
+        let w = error.direction(seed);
+        let moves = particles.clone().map(|particle| error.system.dofs().get(&w, particle)).collect();
+        let moving = particles.filter(|&particle| error.displacement(particle) > 0.0);
+        let resolved = moving.map(|p| 128.0 * U * state.positions[p].amax() / error.displacement(p));
+        let resolved_from = resolved.fold(0.0, f64::max);
         let mut direction =
-            Self { system, error, w, moves, scale: none, leading: 0.0, rounding: 0.0, offset: 0.0, resolved_from };
+            Self { error, w, moves, scale: Vec::new(), leading: 0.0, rounding: 0.0, offset: 0.0, resolved_from };
         direction.scale = direction.sum(|link, delta| {
-            let (axial, transverse) =
-                (1.0 / link.spring.rest_length, 1.0 / link.spring.rest_length - 1.0 / link.at.length);
+            let axial = 1.0 / link.spring.rest_length;
+            let transverse = 1.0 / link.spring.rest_length - 1.0 / link.at.length;
             link.spring.stiffness * axial.max(transverse.abs()) * delta.norm()
         });
         direction.leading = direction.leading_truncation();
-        direction.rounding = direction.largest(&(0..system.particles()).map(|p| error.rounding(p)).collect::<Vec<_>>());
-        let offset = direction.sum(|link, delta| {
+        direction.rounding = direction.largest(&error.rounding);
+        direction.offset = direction.largest(&direction.sum(|link, delta| {
             let [xi, xj] = link.ends.map(|end| state.positions[end].norm());
             SECOND * link.spring.stiffness * 2.0 * U * (xi + xj) * delta.norm() / link.at.length.powi(2)
-        });
-        direction.offset = direction.largest(&offset);
+        }));
         direction
     }
 
     /// A sum over the springs of every particle.
     fn sum(&self, of: impl Fn(&Link, Vector3<f64>) -> f64) -> Vec<f64> {
-        let mut sums = vec![0.0; self.system.particles()];
-        for link in self.error.links() {
+        let mut sums = vec![0.0; self.moves.len()];
+        for link in &self.error.links {
             let [i, j] = link.ends;
             let value = of(link, self.moves[i] - self.moves[j]);
             sums[i] += value;
@@ -199,16 +183,17 @@ impl<'a> Direction<'a> {
 
     /// The largest value over S among the free particles that springs pull.
     fn largest(&self, values: &[f64]) -> f64 {
-        let counts = |particle: &usize| !self.system.dofs().rows(*particle).is_empty() && self.scale[*particle] > 0.0;
-        let relative =
-            (0..self.system.particles()).filter(counts).map(|particle| values[particle] / self.scale[particle]);
+        let dofs = self.error.system.dofs();
+        let counts = |particle: &usize| !dofs.rows(*particle).is_empty() && self.scale[*particle] > 0.0;
+        let relative = (0..values.len()).filter(counts).map(|particle| values[particle] / self.scale[particle]);
         worst(relative.chain([0.0]))
     }
 
     /// `‖Σ ± k n'''‖/6` with `n''' = (6c² − 3σ²) e_⊥ + 6cσ² n` for `e = δ/l = c n + e_⊥`, `σ = ‖e_⊥‖`.
     fn leading_truncation(&self) -> f64 {
+        let dofs = self.error.system.dofs();
         let mut third = vec![0.0; self.w.len()];
-        for link in self.error.links() {
+        for link in &self.error.links {
             let [i, j] = link.ends;
             let e = (self.moves[i] - self.moves[j]) / link.at.length;
             let n = link.at.direction;
@@ -216,53 +201,42 @@ impl<'a> Direction<'a> {
             let across = e - n * c;
             let sigma2 = across.norm_squared();
             let f = (across * (6.0 * c * c - 3.0 * sigma2) + n * (6.0 * c * sigma2)) * (link.spring.stiffness / 6.0);
-            self.system.dofs().add(&mut third, i, &f);
-            self.system.dofs().add(&mut third, j, &-f);
+            dofs.add(&mut third, i, &f);
+            dofs.add(&mut third, j, &-f);
         }
         self.relative(&third)
     }
 
     /// The largest component of a reduced vector relative to S.
     fn relative(&self, reduced: &[f64]) -> f64 {
-        let of_particle = |particle: usize| {
-            let rows = self.system.dofs().rows(particle);
-            let scale = self.scale[particle];
-            reduced[rows].iter().map(move |value| if *value == 0.0 { 0.0 } else { value.abs() / scale })
-        };
-        worst((0..self.system.particles()).flat_map(of_particle))
+        let dofs = self.error.system.dofs();
+        worst(dofs.iter().zip(reduced).map(|(dof, value)| super::check::ratio(value.abs(), self.scale[dof.particle])))
     }
 
-    fn predict(&self, h: f64) -> Point {
-        let own = self.sum(|link, delta| {
+    /// The measured and the predicted errors at a step.
+    fn point(
+        &self,
+        x: &[f64],
+        h: f64,
+        force: &mut impl FnMut(&[f64], &mut [f64]),
+        stiffness: &impl LinearOperator,
+    ) -> Point {
+        let springs = self.sum(|link, delta| {
             let delta = delta.norm();
             truncation(link.spring, link.at, h, delta) + block_rounding(link.spring, link.at) * delta * 3.0
         });
         let (rounding, offset) = (self.rounding / h, self.offset);
-        let allowed = self.largest(&own) + rounding + offset;
-        Point { h, error: f64::NAN, allowed, truncation: self.leading * h * h, rounding, offset }
-    }
-
-    fn error(
-        &self,
-        x: &[f64],
-        h: f64,
-        mut force: impl FnMut(&[f64], &mut [f64]),
-        stiffness: &impl LinearOperator,
-    ) -> f64 {
+        let allowed = self.largest(&springs) + rounding + offset;
         let along = |sign: f64| -> Vec<f64> { x.iter().zip(&self.w).map(|(x, w)| x + sign * h * w).collect() };
-        let evaluated = |x: &[f64], force: &mut dyn FnMut(&[f64], &mut [f64])| {
-            let mut f = vec![0.0; x.len()];
-            force(x, &mut f);
-            f
-        };
         let (ahead, behind) = (along(1.0), along(-1.0));
-        let (after, before) = (evaluated(&ahead, &mut force), evaluated(&behind, &mut force));
+        let [mut after, mut before, mut product] = [(); 3].map(|()| vec![0.0; x.len()]);
+        force(&ahead, &mut after);
+        force(&behind, &mut before);
         let moved: Vec<f64> = ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * h)).collect();
-        let mut product = vec![0.0; x.len()];
         stiffness.apply(&moved, &mut product);
         let quotient = after.iter().zip(&before).map(|(a, b)| (a - b) / (2.0 * h));
         let difference: Vec<f64> = quotient.zip(&product).map(|(d, p)| d - p).collect();
-        self.relative(&difference)
+        Point { h, error: self.relative(&difference), allowed, truncation: self.leading * h * h, rounding, offset }
     }
 }
 
@@ -284,38 +258,159 @@ pub fn v_curve(
     if stiffness.order() != system.dofs().len() {
         return vec![check(floor_name, f64::NAN, 1.0, "K does not have one row for each free coordinate")];
     }
-    let curve = match VCurve::measure(system, state, force, stiffness) {
+    let curve = match VCurve::measure(system, state, force, stiffness, &all_steps()) {
         Ok(curve) => curve,
         Err(degenerate) => return vec![check(floor_name, f64::NAN, 1.0, &degenerate.to_string())],
     };
     let (floor, allowed) = curve.floor();
-    let floor_why = "least over h of truncation k h² δ³/(2(l − hδ)³) and rounding 15 u k max(1, l/l0)/h of every spring, \
+    let why = "least over h of truncation k h² δ³/(2(l − hδ)³) and rounding 15 u k max(1, l/l0)/h of every spring, \
         relative to Σ ‖K^s‖ δ; of the order of u^(2/3), and u ‖x‖/l far from the origin";
-    let (truncation, rounding) = (curve.truncation_slope(), curve.rounding_slope());
-    let plot = Plot::log_log(
-        "Error of K w against central differences",
-        "h, fraction of the shortest spring",
-        "relative error",
-    )
-    .concluding(format!("The least error is {floor:.1e}, where analysis allows {allowed:.1e}."))
-    .with_series(curve.series("max over components"))
-    .with_guide(Guide::Level { y: allowed, label: "floor by analysis".into() });
     let (h, error, _) = curve.plateau();
     let through = (h, error);
-    let plot = plot.with_guide(Guide::Slope { slope: 2.0, through }).with_guide(Guide::Slope { slope: -1.0, through });
-    let mut checks = vec![check(floor_name, floor, allowed, floor_why).with_curves(plot)];
-    checks.extend(truncation.map(|slope| {
+    let title = "Error of K w against central differences";
+    let plot = Plot::log_log(title, "h, fraction of the shortest spring", "relative error")
+        .concluding(format!("The least error is {floor:.1e}, where analysis allows {allowed:.1e}."))
+        .with_series(curve.series("max over components"))
+        .with_guide(Guide::Level { y: allowed, label: "floor by analysis".into() })
+        .with_guide(Guide::Slope { slope: 2.0, through })
+        .with_guide(Guide::Slope { slope: -1.0, through });
+    let mut checks = vec![check(floor_name, floor, allowed, why).with_curves(plot)];
+    if let Some(slope) = curve.truncation_slope() {
         let why = "the slope is 2: over the steps used truncation is ten times rounding, and the next term of the series h² times smaller";
-        check("slope of truncation of K w", (slope - 2.0).abs(), 0.1, why)
-    }));
-    checks.extend(rounding.map(|slope| {
+        checks.push(check("slope of truncation of K w", (slope - 2.0).abs(), 0.1, why));
+    }
+    if let Some(slope) = curve.rounding_slope() {
         let why = "the slope is −1: rounding errors scatter by a factor of about 2 around ρ/h, which over ten or more halvings of h \
             moves a fitted slope by less than 0.2";
-        let is_collapsed = |link: &reference::Link| link.length < COLLAPSED * link.rest_length;
-        check("slope of rounding of K w", (slope + 1.0).abs(), 0.2, why).unless(|| {
-            let spring = reference::links(system, &state.positions).iter().position(is_collapsed)?;
+        checks.push(check("slope of rounding of K w", (slope + 1.0).abs(), 0.2, why).unless(|| {
+            let mut links = reference::links(system, &state.positions).into_iter();
+            let spring = links.position(|link| link.is_collapsed())?;
             Some(format!("spring {spring} is all but collapsed: the rounding of its force goes in few large jumps"))
-        })
-    }));
+        }));
+    }
     checks
+}
+
+/// The term that an option drops from `K^s`: `P K^s P` with `P = I − nnᵀ` and K^s by dual numbers, or nothing.
+fn dropped_block(option: Stiffness, spring: &Spring, d: &Vector3<f64>) -> Matrix3<f64> {
+    let l = d.norm();
+    let drops = match option {
+        Stiffness::Full => false,
+        Stiffness::Tension => l < spring.rest_length,
+        Stiffness::Axial => true,
+    };
+    if !drops {
+        return Matrix3::zeros();
+    }
+    let n = d / l;
+    let across = Matrix3::identity() - n * n.transpose();
+    across * dual_stiffness_block(spring, d) * across
+}
+
+/// K with the terms that an option drops added back; these alone where there is no K.
+struct WithDroppedTerms<'a> {
+    stiffness: Option<&'a SymmetricMatrix>,
+    blocks: Vec<([usize; 2], Matrix3<f64>)>,
+    system: &'a System,
+}
+
+impl<'a> WithDroppedTerms<'a> {
+    fn new(system: &'a System, state: &State, option: Stiffness, stiffness: Option<&'a SymmetricMatrix>) -> Self {
+        let block = |(_, [i, j], spring): (usize, [usize; 2], &Spring)| {
+            ([i, j], dropped_block(option, spring, &(state.positions[i] - state.positions[j])))
+        };
+        Self { stiffness, blocks: system.active().map(block).collect(), system }
+    }
+}
+
+impl LinearOperator for WithDroppedTerms<'_> {
+    fn order(&self) -> usize {
+        self.system.dofs().len()
+    }
+
+    fn apply(&self, w: &[f64], y: &mut [f64]) {
+        match self.stiffness {
+            Some(stiffness) => stiffness.apply(w, y),
+            None => y.fill(0.0),
+        }
+        let dofs = self.system.dofs();
+        for ([i, j], block) in &self.blocks {
+            let s = block * (dofs.get(w, *i) - dofs.get(w, *j));
+            dofs.add(y, *i, &-s);
+            dofs.add(y, *j, &s);
+        }
+    }
+}
+
+/// Shows that K under an option is the exact K less the transverse terms of exactly the right springs.
+///
+/// `stiffness` is K under test, for `option`. Checks: every entry against dual-number blocks without those terms
+/// (rounding); the floor of the V-curve once those terms are added back; and, where anything is dropped, the plateau of
+/// the V-curve without them. Sees a term dropped from the wrong spring, in part, or not at all; is blind to a wrong
+/// force law.
+pub fn dropped_terms(
+    system: &System,
+    state: &State,
+    mut force: impl FnMut(&[f64], &mut [f64]),
+    option: Stiffness,
+    stiffness: &SymmetricMatrix,
+    scene: &str,
+) -> Vec<Check> {
+    let name = |what: &str| format!("{what} under {}", option.name());
+    let entries = name("K against dual numbers without the dropped terms");
+    let expected =
+        |spring: &Spring, d: &Vector3<f64>| dual_stiffness_block(spring, d) - dropped_block(option, spring, d);
+    let mut checks = vec![against_blocks(system, state, &stiffness.to_csc(), &entries, scene, expected)];
+    if stiffness.order() != system.dofs().len() {
+        return checks;
+    }
+    let completed = WithDroppedTerms::new(system, state, option, Some(stiffness));
+    let dropped = WithDroppedTerms::new(system, state, option, None);
+    let curves = VCurve::measure(system, state, &mut force, &completed, &all_steps()).and_then(|completed| {
+        let without = VCurve::measure(system, state, &mut force, stiffness, &all_steps())?;
+        let (h, plateau, allowed) = without.plateau();
+        // The error of a vanishing force against the dropped terms alone is their size.
+        let size = VCurve::measure(system, state, |_: &[f64], f: &mut [f64]| f.fill(0.0), &dropped, &[h])?;
+        Ok((completed, without, [plateau, allowed, size.plateau().1]))
+    });
+    let check = |what: &str, value, bound, why: &str| Check::new(Claim::Jacobian, name(what), scene, value, bound, why);
+    let added = "V-curve of K w with the dropped terms added";
+    let Ok((completed, without, [plateau, allowed, expected])) = curves else {
+        checks.push(check(added, f64::NAN, 1.0, "a spring has length zero"));
+        return checks;
+    };
+    let (floor, least) = completed.floor();
+    let why = "with the dropped terms added back K is exact: least over h of truncation and rounding, of the order of u^(2/3)";
+    checks.push(check(added, floor, least, why));
+    if expected > 10.0 * allowed {
+        let plot = Plot::log_log(name("Error of K w"), "h, fraction of the shortest spring", "relative error")
+            .concluding(format!("As it is K w stays {plateau:.1e} off, with the dropped terms added {floor:.1e}."))
+            .with_series(without.series("as it is"))
+            .with_series(completed.series("with the dropped terms"))
+            .with_guide(Guide::Level { y: expected, label: "size of the dropped terms".into() });
+        let why = "the V-curve ends on a plateau as high as the dropped terms: relative difference of the two heights, \
+            bounded by the floor of the exact V-curve over that height";
+        let difference = (plateau / expected - 1.0).abs();
+        checks.push(check("plateau of K w", difference, allowed / expected, why).with_curves(plot));
+    }
+    checks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verify::fixtures;
+
+    /// A spring of k = 100 N along x, pushed from 4 m to 1 m: `axial` and `tension` drop −75 N/m across it.
+    #[test]
+    fn dropped_terms_are_added_back() {
+        let pushed = fixtures::pair(4.0, 0.1);
+        for (option, across) in [(Stiffness::Full, 0.0), (Stiffness::Tension, 75.0), (Stiffness::Axial, 75.0)] {
+            let dropped = WithDroppedTerms::new(&pushed.system, &pushed.state, option, None);
+            let mut y = [7.0; 3];
+            dropped.apply(&[1.0, 2.0, 3.0], &mut y);
+            let y = y.map(|y| y + 0.0);
+            assert_eq!((dropped.order(), y), (3, [0.0, 2.0 * across, 3.0 * across]), "{}", option.name());
+        }
+    }
 }

@@ -94,7 +94,7 @@ proptest! {
             for option in Stiffness::ALL {
                 let operator = operator(&system, &state, option, combination);
                 let k = on_all_axes(&system, &dofs, &operator, |entry| entry);
-                // Of the springs, not of their sums: stretched and compressed ones cancel, their roundings do not.
+                // For the springs, not for their sums: stretched and compressed ones cancel, their roundings do not.
                 let magnitudes = on_all_axes(&system, &dofs, &operator, f64::abs);
                 for axis in 0..3 {
                     let translation = DVector::from_fn(3 * system.particles(), |row, _| f64::from(row % 3 == axis));

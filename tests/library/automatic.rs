@@ -72,7 +72,7 @@ fn the_choice_follows_the_scene() {
     assert_eq!(chosen(&auto).1, Some("block-jacobi"));
 }
 
-/// What is small is factored at once; so is, up to a size, what may be indefinite without anything to be done about it, because a
+/// A small system is factored at once; so is, up to a size, one that may be indefinite without a remedy, because a
 /// factorization finds out. Where softer matrices stand ready the cheaper solver is taken.
 #[test]
 fn proofs_are_preferred_where_nothing_else_finds_out() {

@@ -1,4 +1,4 @@
-//! What a chart recommends is never contradicted by its own table: tables made up at random, and advice found by looking at
+//! The advice of a chart is never contradicted by its own table: tables made up at random, and advice found by looking at
 //! every run and everything finer of its configuration.
 
 use proptest::prelude::*;
@@ -31,15 +31,7 @@ const FLOOR: f64 = 3e-6;
 fn table(runs: Vec<Run>) -> WorkPrecision {
     let state = sprung::State { time: 1.0, positions: Vec::new(), velocities: Vec::new() };
     let reference = Reference { method: "made up".into(), error_estimate: FLOOR / 3.0, state };
-    WorkPrecision {
-        scene: "s".into(),
-        duration: 1.0,
-        reference,
-        runs,
-        tolerances: Vec::new(),
-        sizes: Vec::new(),
-        excluded: Vec::new(),
-    }
+    WorkPrecision { scene: "s".into(), duration: 1.0, reference, runs, tolerances: Vec::new(), excluded: Vec::new() }
 }
 
 /// Configurations of up to seven runs whose errors fall more or less, or fail.
@@ -124,13 +116,13 @@ proptest! {
             let cost = |run: Option<&Run>| run.map_or(f64::INFINITY, |run| run.cost);
             prop_assert_eq!(cost(decision.cheapest), least(&mut enough()));
             prop_assert_eq!(cost(decision.notes), least(&mut enough().filter(|run| run.method == "linear-backward-euler")));
-            // Of every method that gets there the best option, once.
+            // The best option of every method that gets there, once.
             for run in &decision.methods {
                 prop_assert!(can_be_relied_on(run, &chart.runs) && run.error.unwrap() <= accuracy);
-                prop_assert_eq!(run.cost, least(&mut enough().filter(|other| other.way() == run.way())));
-                prop_assert_eq!(decision.methods.iter().filter(|other| other.way() == run.way()).count(), 1);
+                prop_assert_eq!(run.cost, least(&mut enough().filter(|other| other.variant() == run.variant())));
+                prop_assert_eq!(decision.methods.iter().filter(|other| other.variant() == run.variant()).count(), 1);
             }
-            prop_assert!(enough().all(|run| decision.methods.iter().any(|other| other.way() == run.way())));
+            prop_assert!(enough().all(|run| decision.methods.iter().any(|other| other.variant() == run.variant())));
         }
     }
 
@@ -141,12 +133,12 @@ proptest! {
         for (sentence, decision) in sentences.iter().zip(chart.decisions()) {
             let run = decision.cheapest.unwrap();
             prop_assert!(can_be_relied_on(run, &chart.runs));
-            prop_assert!(sentence.contains(run.method) && sentence.contains(&run.pace()), "{}", sentence);
+            prop_assert!(sentence.contains(run.method) && sentence.contains(&run.step_control()), "{}", sentence);
         }
         for claim in reach.trim_end_matches('.').split(": ").nth(1).unwrap().split("; ") {
             let method = claim.split([' ', ',']).next().unwrap();
             if let Some((_, pace)) = claim.split_once(" up to ") {
-                let named = |run: &&Run| run.method == method && run.pace() == pace;
+                let named = |run: &&Run| run.method == method && run.step_control() == pace;
                 prop_assert!(chart.runs.iter().filter(named).any(|run| can_be_relied_on(run, &chart.runs)), "{}", claim);
             }
         }
@@ -224,7 +216,7 @@ proptest! {
         let enough = |run: &&Run| accuracy.is_some_and(|accuracy| run.error.is_some_and(|error| error <= accuracy));
         let cheapest = chart.sound_runs().into_iter().filter(enough).min_by(|a, b| a.cost.total_cmp(&b.cost));
         match cheapest {
-            Some(run) => prop_assert!(text.contains(run.method) && text.contains(&run.pace()), "{text}"),
+            Some(run) => prop_assert!(text.contains(run.method) && text.contains(&run.step_control()), "{text}"),
             None => prop_assert!(text.is_empty(), "{text}"),
         }
     }

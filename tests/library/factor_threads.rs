@@ -34,7 +34,7 @@ fn solutions(a: &sprung::assembly::SymmetricMatrix, par: Par) -> Vec<f64> {
     x.concat()
 }
 
-/// How a factorization is split depends on the system alone; so do its bits, on fewer threads than it is split for and on more.
+/// The split of a factorization depends on the system alone; so do its bits, on fewer threads than it is split for and on more.
 #[test]
 fn factorizations_are_the_same_to_the_bit_for_any_number_of_threads() {
     let (system, state) = moved(104);

@@ -1,4 +1,4 @@
-//! What an inspection costs, what it leaves out for that, and that what it spares is what it would have found.
+//! The cost of an inspection, the parts that it skips, and that skipping loses no result.
 
 use crate::tame_cloth::tame_cloth;
 use faer::Par;

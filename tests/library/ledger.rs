@@ -1,4 +1,4 @@
-//! The energy ledger: E(t) − E(0) = work of moving constraints − dissipation + imbalance.
+//! The energy balance: E(t) − E(0) = work of moving constraints − dissipation + imbalance.
 
 use nalgebra::Vector3;
 use sprung::integrate::{
@@ -56,7 +56,7 @@ fn damping_takes_what_the_energy_loses() {
             [(balance.dissipated - lost).abs(), balance.imbalance.abs()]
         })
         .collect();
-    // What is dissipated is off by the method's own error, of second order; the imbalance is what the method adds.
+    // Dissipation is off by the method's own error, of second order; the imbalance is the energy that the method adds.
     for [dissipated, imbalance] in &errors {
         assert!(*dissipated < 2e-3 * lost && *imbalance < 2e-3 * lost, "{errors:?}");
     }
@@ -154,7 +154,7 @@ fn partly_prescribed_particles_have_a_ledger_too() {
     assert!(fine < 1e-4 && coarse / fine > 8.0, "{imbalances:?}");
 }
 
-/// What backward Euler takes is its own; what a free body keeps, it keeps.
+/// Backward Euler loses energy and forward Euler gains some; nothing else changes the energy of an undamped free body.
 #[test]
 fn the_imbalance_is_what_the_method_adds() {
     let (system, start) = dumbbell(0.0);

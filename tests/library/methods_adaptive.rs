@@ -320,7 +320,7 @@ fn a_rejected_step_leaves_no_trace() {
                 stepper.try_step(&state, 2e-3).unwrap();
                 stepper.reject();
             }
-            // Of another length than the steps before: w2 keeps the matrix of equal ones.
+            // Another length than the steps before: w2 keeps the matrix of equal ones.
             let estimate = stepper.try_step(&state, 0.7e-3).unwrap();
             (estimate.positions.to_vec(), estimate.velocities.to_vec())
         });

@@ -74,7 +74,7 @@ fn a_step_is_one_factorization_and_one_solve() {
     }
 }
 
-/// What steps linearised at their start turn into drag: their cloth hangs on the wrong side, with errors of 0.8 and more.
+/// Motion that steps linearised at their start turn into drag: their cloth hangs on the wrong side, with errors of 0.8 and more.
 #[test]
 fn a_cloth_that_swings_down_ends_on_the_right_side() {
     let cloth = scene(Kind::Cloth, 6);
@@ -90,7 +90,7 @@ fn a_cloth_that_swings_down_ends_on_the_right_side() {
     }
 }
 
-/// Of a taut string with long steps an iteration without transverse terms diverges, and steps would grow without end: it is
+/// On a taut string with long steps an iteration without transverse terms diverges, and steps would grow without end: it is
 /// caught, and iterated. The default has the terms of tensions that last and need not be.
 #[test]
 fn iterations_that_diverge_are_caught() {

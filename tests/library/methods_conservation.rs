@@ -1,4 +1,4 @@
-//! What free bodies keep: linear momentum under every method, angular momentum under those that promise it.
+//! Conserved quantities of free bodies: linear momentum under every method, angular momentum under those that promise it.
 
 use crate::motions::{after, build, case, policies, with};
 use sprung::force::{Energy, angular_momentum, linear_momentum};

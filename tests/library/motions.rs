@@ -1,4 +1,4 @@
-//! What several tests share: known answers from `verification/answers` and runs with a fixed step.
+//! Shared by several tests: known answers from `verification/answers` and runs with a fixed step.
 
 #![allow(dead_code, reason = "each program of tests uses its own part")]
 

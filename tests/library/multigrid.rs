@@ -57,7 +57,7 @@ fn solve(scene: &(System, State), option: Stiffness) -> (Vec<f64>, u64) {
     let mut x = vec![0.0; b.len()];
     let mut work = Work::default();
     let mut solver = CgSolver::matrix_free(&scene.0, PreconditionerKind::Multigrid, TOLERANCE).unwrap();
-    solver.place(&scene.1.positions);
+    solver.set_positions(&scene.1.positions);
     let solution = solver.prepare(&a, &mut work).unwrap().solve(&b, &mut x, &mut work).unwrap();
     assert!(solution.relative_residual <= TOLERANCE);
     assert_eq!((work.multigrid_setups, work.factorizations), (1, 0));
@@ -194,7 +194,7 @@ proptest! {
             let a = operator(&scene, Stiffness::Tension, dt);
             let mut multigrid = Multigrid::down_to(&scene.0, largest_dense).unwrap();
             if placed {
-                multigrid.place(&scene.1.positions);
+                multigrid.set_positions(&scene.1.positions);
             }
             multigrid.refill(&a).unwrap();
             multigrid.rebuild(&a).unwrap();
@@ -227,7 +227,7 @@ proptest! {
         let mut x = vec![0.0; b.len()];
         let mut work = Work::default();
         let mut solver = CgSolver::matrix_free(&scene.0, PreconditionerKind::Multigrid, TOLERANCE).unwrap();
-        solver.place(&scene.1.positions);
+        solver.set_positions(&scene.1.positions);
         solver.prepare(&a, &mut work).unwrap().solve(&b, &mut x, &mut work).unwrap();
         let expected = matrix.cholesky().unwrap().solve(&DVector::from_column_slice(&b));
         let difference = (DVector::from_column_slice(&x) - &expected).norm();
@@ -242,7 +242,7 @@ proptest! {
     ) {
         let a = operator(&scene, Stiffness::Full, dt);
         let mut multigrid = Multigrid::down_to(&scene.0, largest_dense).unwrap();
-        multigrid.place(&scene.1.positions);
+        multigrid.set_positions(&scene.1.positions);
         let order = scene.0.dofs().len();
         match multigrid.refill(&a).and_then(|()| multigrid.rebuild(&a)) {
             Ok(()) => {
@@ -294,12 +294,12 @@ fn a_coarse_level_sees_what_no_diagonal_block_does() {
     let scene = builder.build().unwrap();
     let a = operator(&scene, Stiffness::Full, DT);
     let mut multigrid = Multigrid::new(&scene.0).unwrap();
-    multigrid.place(&scene.1.positions);
+    multigrid.set_positions(&scene.1.positions);
     multigrid.refill(&a).unwrap();
     let Err(SetupFailure::CoarseLevel { level: 1, dof }) = multigrid.rebuild(&a) else { panic!("not refused") };
     assert!(dof.particle < scene.0.particles());
     let mut solver = CgSolver::matrix_free(&scene.0, PreconditionerKind::Multigrid, TOLERANCE).unwrap();
-    solver.place(&scene.1.positions);
+    solver.set_positions(&scene.1.positions);
     let refused = solver.prepare(&a, &mut Work::default()).err();
     assert_eq!(refused, Some(SolveFailure::Indefinite(Evidence::CoarseLevel { level: 1, dof })));
     // Cholesky agrees.

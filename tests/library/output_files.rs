@@ -206,7 +206,7 @@ fn frames_keep_triangles_and_name_units() {
         }
         other => panic!("{other:?}"),
     }
-    // Of the sides only (0, 1) is found as a spring: pairs of a mesh go upwards, (2, 1) does not.
+    // Only side (0, 1) is found as a spring: pairs of a mesh go upwards, (2, 1) does not.
     let springs = strains(&system, &state);
     assert_eq!(numbers(&frame.data.cell[0], "strain"), [springs[0], springs[1], springs[0]]);
     let text = fs::read_to_string(&target).unwrap();

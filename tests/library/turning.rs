@@ -172,7 +172,7 @@ fn stability_is_lost_where_springs_become_taut_enough() {
     let (system, start) = builder.build().expect("a valid scene");
     let losses = follow(&system, &start, Stiffness::Axial, 0.05, 30);
     assert_eq!(losses.stable.expect("the step becomes too long").step, 14);
-    // What the walls do is work.
+    // The walls do work.
     assert!(losses.definite.is_none() && losses.energy.is_none());
     for option in [Stiffness::Full, Stiffness::Tension] {
         assert_eq!(follow(&system, &start, option, 0.05, 30).stable, None);

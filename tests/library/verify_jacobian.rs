@@ -188,7 +188,7 @@ fn a_term_dropped_from_the_wrong_springs_is_caught() {
         }
         assert_eq!(check(option, option).len(), if option == Stiffness::Full { 2 } else { 3 });
     }
-    // What option III drops from a stretched spring is named.
+    // The term that option III drops from a stretched spring is named.
     let check = |k: CscMatrix<f64>| stiffness_against_duals(&system, &state, &k, "crooked");
     fails_with(&check(stiffness(&system, &state, Stiffness::Axial)), "the transverse term missing");
     let full = stiffness(&system, &state, Stiffness::Full);

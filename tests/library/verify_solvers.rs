@@ -75,7 +75,7 @@ fn every_solver_agrees_with_every_other_on_every_scene() {
     for (scene, system, state, dt) in scenes() {
         let subject = TestCase { name: scene.clone(), system, state, dt };
         let checks = family("solvers").check(&subject);
-        // What cannot be judged says so in one line.
+        // A check that is not judged is the only one.
         assert!(checks.len() >= 8 || checks.iter().any(|check| !check.is_judged), "{scene}");
         for check in checks.into_iter().chain(family("assembly").check(&subject)) {
             report(&check);

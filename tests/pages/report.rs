@@ -170,14 +170,14 @@ fn points_without_a_place_are_counted_or_railed() {
     assert!(report::plot::svg(&plot).contains("measured (2 points without a place on the axes)"));
     let plot = Plot::log_log("", "", "").with_series(Series::failures("broke down", vec![(1.0, f64::INFINITY)]));
     // Once in the legend, once in its lane.
-    assert_eq!(report::plot::svg(&plot).matches(">\nbroke down\n<").count(), 2);
+    assert_eq!(report::plot::svg(&plot).matches(">broke down<").count(), 2);
     let plot = Plot::log_log("", "", "").with_series(Series::failures("broke down", vec![(f64::INFINITY, 1.0)]));
-    assert_eq!(report::plot::svg(&plot).matches(">\nbroke down\n<").count(), 2);
+    assert_eq!(report::plot::svg(&plot).matches(">broke down<").count(), 2);
     // In the colour of a method the lane alone names the cause.
     let plot = plot.with_series(Series::line("method", vec![(0.5, 0.5), (1.0, 2.0)]));
     let failures = |x| Series::failures("gave up", vec![x]).like("method");
     let svg = report::plot::svg(&plot.with_series(failures((2.0, 0.0))).with_series(failures((3.0, f64::NAN))));
-    assert_eq!(svg.matches(">\ngave up\n<").count(), 1);
+    assert_eq!(svg.matches(">gave up<").count(), 1);
     assert_eq!(svg.matches("in the colour of its method").count(), 1);
 }
 
@@ -188,7 +188,7 @@ fn labels_that_are_too_long_are_cut_not_lost() {
         .with_series(Series::line(&long, vec![(1.0, 1.0), (9.0, 9.0)]))
         .with_guide(Guide::Level { y: 2.0, label: long.clone() })
         .with_guide(Guide::Vertical { x: 2.0, label: long.clone() });
-    assert_eq!(report::plot::svg(&plot).matches("…\n</text>").count(), 5);
+    assert_eq!(report::plot::svg(&plot).matches("…</text>").count(), 5);
 }
 
 #[test]

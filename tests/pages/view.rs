@@ -120,16 +120,16 @@ fn large_scenes_are_thinned() {
     let whole = SceneTopology::of(&system, &[[0, 1, 40], [0, 39, 1599]]);
     let mut animation = Animation::with_limits("large", whole, 200, 600);
     animation.push(0.0, &at(3));
-    let cast = animation.cast();
-    assert!((40..=200).contains(&cast.bindings.len()), "{}", cast.bindings.len());
-    assert!(cast.pairs.len() <= 600 && cast.pairs.len() >= cast.bindings.len(), "{}", cast.pairs.len());
-    let founders = &animation.thinning().unwrap().founders;
+    let topology = animation.cast();
+    assert!((40..=200).contains(&topology.bindings.len()), "{}", topology.bindings.len());
+    assert!(topology.pairs.len() <= 600 && topology.pairs.len() >= topology.bindings.len(), "{}", topology.pairs.len());
+    let founders = &animation.decimation().unwrap().founders;
     for (founder, position) in founders.iter().zip(&animation.positions) {
         assert_eq!(*position, at(3)[*founder as usize]);
     }
     for held in [0, 39] {
         let shown = founders.iter().position(|&p| p == held).unwrap();
-        assert_eq!(cast.bindings[shown], sprung::figure::Binding::Held);
+        assert_eq!(topology.bindings[shown], sprung::figure::Binding::Held);
     }
     // A stretch by the same factor everywhere is the strain of every line.
     let rest: Vec<Vector3<f64>> = waving(40).0.prescribed().iter().map(|_| Vector3::zeros()).collect();
@@ -140,7 +140,7 @@ fn large_scenes_are_thinned() {
     even.push(0.0, &stretched);
     assert!(even.strains.iter().all(|strain| (strain - 0.25).abs() < 1e-6));
     let page = html(&animation).unwrap();
-    let said = format!("{} of 1600 particles are shown", cast.bindings.len());
+    let said = format!("{} of 1600 particles are shown", topology.bindings.len());
     assert!(page.contains(&said), "{said}");
 }
 

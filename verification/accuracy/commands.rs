@@ -43,7 +43,7 @@ impl Commands {
         Ok(path)
     }
 
-    /// What runs that scene.
+    /// The command that runs that scene.
     pub fn on<'a>(&'a self, scene: &'a Path) -> Timed<'a> {
         Timed { commands: self, scene }
     }
@@ -76,7 +76,7 @@ impl Timed<'_> {
     }
 }
 
-/// What asks for a configuration and a pace on the command line.
+/// The arguments for a configuration and a step control.
 fn words(Configuration { method, options }: &Configuration, pace: StepControl) -> Vec<String> {
     let mut words = vec!["--method".into(), method.name().into()];
     let mut add = |option: &str, value: String| words.extend([option.into(), value]);

@@ -35,7 +35,7 @@ use timing::REPEATS;
 /// Compares the cost of answers with that of the cheapest single run.
 #[derive(Parser)]
 struct Arguments {
-    /// How many random scenes
+    /// Number of random scenes
     #[arg(long, default_value_t = 1000)]
     count: u64,
 

@@ -1,4 +1,4 @@
-//! What answers cost on one scene, and the cheapest single run that would have done.
+//! The cost of answers on one scene, and the cheapest single run that would have done.
 
 use crate::commands::Timed;
 use crate::runs::Runs;
@@ -58,7 +58,7 @@ pub struct Row {
     pub error: f64,
     pub cost: f64,
     pub total: f64,
-    /// What the cheapest is, and its cost.
+    /// The cheapest run, and its cost.
     pub cheapest: String,
     pub least: f64,
     /// The cost of the cheapest from which on all finer runs of its ladder are good enough too.

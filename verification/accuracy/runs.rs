@@ -1,4 +1,4 @@
-//! What a search does, run by run.
+//! A search, run by run.
 
 use sprung::State;
 use sprung::accuracy::{Observer, SearchProgress};

@@ -11,7 +11,7 @@ fn quantile(values: &[f64], part: f64) -> f64 {
     sorted.get((part * last).round() as usize).copied().unwrap_or(f64::NAN)
 }
 
-/// What an accuracy costs on some scenes, one accuracy a line and all together.
+/// The cost of an accuracy on some scenes, one accuracy a line and all together.
 pub fn table(rows: &[Row]) -> Result<String, std::fmt::Error> {
     let mut text = String::from(
         "| accuracy | answers | confirmed | of these wrong | cost over the cheapest run: median, 90 %, most | above 3.5 | above 8 | over the cheapest that is right for sure: median, 90 % | time of the search over that of the bare run: median, 90 % | of the command over that of the command: median, 90 % |\n\

@@ -1,9 +1,9 @@
 //! The shortest time of what is done several times: other programs on the machine only ever add to it.
 
-/// How often.
+/// Number of repetitions.
 pub const REPEATS: usize = 3;
 
-/// What `time` says of each time, in s.
+/// Each time by `time`, in s.
 pub fn shortest<E>(mut time: impl FnMut() -> Result<f64, E>) -> Result<f64, E> {
     (0..REPEATS).try_fold(f64::INFINITY, |least, _| Ok(least.min(time()?)))
 }

@@ -10,7 +10,7 @@
 //! A cell of the grid is a scene, a step and a tolerance. From the same start 30 steps are done with every solver, on one thread; a
 //! step's time is the shortest of two to nine rounds, in which every solver has its turn, and the processor's for this thread, so that other programs disturb little.
 //! **After its first steps** compares medians of the last 15, **as a whole** sums of all 30 with what was done before the first.
-//! What is over three times as long as the shortest so far is not followed to its end.
+//! A run over three times as long as the shortest so far is stopped.
 
 mod race;
 mod table;

@@ -20,7 +20,7 @@ const LONG_ENOUGH: Duration = Duration::from_secs(2);
 /// A solver that takes more than this many times the time of the fastest is not followed to its end.
 const SLOW: f64 = 3.0;
 
-/// What is asked of solvers.
+/// The systems that solvers are given.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
     pub kind: String,
@@ -29,7 +29,7 @@ pub struct Cell {
     pub tolerance: f64,
 }
 
-/// What a solver took, in s of its thread.
+/// The time of a solver, in s of its thread.
 #[derive(Serialize, Deserialize)]
 pub struct Time {
     pub solver: String,
@@ -50,13 +50,13 @@ impl Time {
 pub struct Raced {
     pub cell: Cell,
     pub auto: Time,
-    /// What it solved with at the end.
+    /// The solver at the end.
     pub chosen: String,
     /// Those that a user could have asked for, of which one is the fastest.
     pub others: Vec<Time>,
 }
 
-/// What a user may ask for: a solver, with a preconditioner where it is iterative.
+/// A choice of the user: a solver, with a preconditioner where it is iterative.
 struct Configuration {
     name: String,
     solver: SolverChoice,
@@ -67,7 +67,7 @@ struct Configuration {
 struct Runner {
     configuration: Configuration,
     shortest: Vec<f64>,
-    /// What it solved with at the end.
+    /// The solver at the end.
     solved_with: String,
 }
 

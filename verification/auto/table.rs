@@ -3,7 +3,7 @@
 use crate::race::Raced;
 use std::fmt::Write;
 
-/// What is asked for: after the first steps within the first in 95 of 100 cells and never above the second, as a whole within the third.
+/// The promise: after the first steps within the first in 95 of 100 cells and never above the second, as a whole within the third.
 const NEAR: f64 = 1.15;
 const FAR: f64 = 2.0;
 const WHOLE: f64 = 1.3;

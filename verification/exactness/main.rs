@@ -21,7 +21,7 @@ use study::store::Store;
 /// Compares runs with each other and with the truth.
 #[derive(Parser)]
 struct Arguments {
-    /// How many seeds
+    /// Number of seeds
     #[arg(long, default_value_t = 1000)]
     count: u64,
 

@@ -1,4 +1,4 @@
-//! What is counted, and the page that is made of it.
+//! The counted differences, and their page.
 
 use super::pair::{METHODS, Pair, STRICT};
 use super::study::cases::WRONG;
@@ -7,7 +7,7 @@ use super::study::rows::{number, quantile, sorted};
 /// An error that grew by more than this part of itself.
 const GREW: f64 = 0.1;
 
-/// What is different is compared with no error below this, a thousandth of a millimetre on ten metres.
+/// The smallest error that differences are compared with, a thousandth of a millimetre on ten metres.
 const LEAST: f64 = 1e-7;
 
 /// Whether the error of the run as needed is larger by more than a tenth, where the strict run is right at all.
@@ -22,7 +22,7 @@ pub fn page(pairs: &[Pair], scenes: u64) -> String {
         "# Linear systems solved as exactly as the motion needs\n\n\
          Made by `cargo xtask exactness`: {scenes} random scenes of the [study](study.md), conjugate gradients with block Jacobi and with \
          multigrid, steps of fixed lengths and with error control. Every run is done twice: with residuals of {STRICT:e}, and as exactly as the \
-         error in time of each step is worth (a ten-thousandth of it, `src/integrate/exactness.rs`). Differences are those of positions at the \
+         error in time of each step is worth (a ten-thousandth of it, `src/integrate/linear_tolerance.rs`). Differences are those of positions at the \
          end, over the true error of the strict run. Runs that are wrong by more than {:.0} % anyway are counted and not compared.\n\n\
          | method | pairs | ended otherwise | wrong anyway | difference over error: median | 90 % | 99 % | largest | errors a tenth larger | iterations |\n\
          |---|---|---|---|---|---|---|---|---|---|\n",

@@ -38,7 +38,7 @@ pub struct Pair {
 }
 
 impl Pair {
-    /// Whether both came to their ends.
+    /// Both runs were completed.
     pub fn is_completed(&self) -> bool {
         self.strict.is_completed() && self.needed.is_completed()
     }

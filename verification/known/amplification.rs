@@ -1,4 +1,4 @@
-//! What one step does to one mode: the 2×2 matrix on (q, v dt), measured by two steps from the two unit states.
+//! The amplification of one mode by one step: the 2×2 matrix on (q, v dt), measured by two steps from the two unit states.
 
 use nalgebra::{Matrix2, Vector3};
 use sprung::integrate::{ImplicitOptions, Method};

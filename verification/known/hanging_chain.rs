@@ -31,7 +31,7 @@ fn measure(problem: &Problem<Answer>) -> Outcome {
     let (system, state, answer) = (&subject.system, &subject.state, &problem.answer);
     let extensions = SpringGeometry::at(system, &state.positions)?;
     let springs: Vec<_> = extensions.iter().zip(system.springs()).collect();
-    // What the rounding of a position does to a force.
+    // The change of a force by the rounding of a position.
     let pull = worst(
         springs.iter().map(|(at, spring)| spring.stiffness * (at.length + spring.rest_length) / spring.rest_length),
     );

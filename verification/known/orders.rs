@@ -17,7 +17,7 @@ pub struct Known {
     pub velocities: Vec<Vec<f64>>,
 }
 
-/// How often the coarsest step is halved; the last two runs give the order.
+/// Halvings of the coarsest step; the last two runs give the order.
 const HALVINGS: u32 = 3;
 
 /// Every method towards a known state: the observed order within 0.2 of theory, with the curves; and of methods of order above

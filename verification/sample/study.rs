@@ -175,7 +175,7 @@ fn references_are_true() {
     assert!(reference.amplification < 1.0, "{}", reference.amplification);
 }
 
-/// What the study promises of a thousand scenes, on some of them: the page `verification/study.md` has the whole.
+/// The promises of the study, on some of its scenes: the page `verification/study.md` has the whole.
 #[test]
 fn a_sample_keeps_the_promises() {
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("study");

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// How runs are made; every one with frames.
+/// The options of runs; every one with frames.
 const WAYS: [&str; 21] = [
     "--method linear-backward-euler",
     "--method linear-backward-euler --solver cg --preconditioner multigrid",

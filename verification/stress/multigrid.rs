@@ -16,7 +16,7 @@ use sprung::{State, Stiffness, System};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What was found in one system; `None` where A's condition is beyond single precision.
+/// The outcome for one system; `None` where A's condition is beyond single precision.
 #[derive(Debug, Clone, Copy)]
 struct Found {
     condition: f64,
@@ -90,7 +90,7 @@ fn examine((system, state): &(System, State), dt: f64, largest_dense: usize, pla
     }
     let mut multigrid = Multigrid::down_to(system, largest_dense).ok()?;
     if placed {
-        multigrid.place(&state.positions);
+        multigrid.set_positions(&state.positions);
     }
     multigrid.refill(&a).and_then(|()| multigrid.rebuild(&a)).ok()?;
     let mut b = DMatrix::zeros(order, order);

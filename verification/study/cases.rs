@@ -1,4 +1,4 @@
-//! What makes a run right or wrong, and a scene an ordinary one.
+//! Right and wrong runs, and ordinary scenes.
 
 use super::record::Record;
 use super::runs::{Ask, Run};

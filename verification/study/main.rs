@@ -26,7 +26,7 @@ use study::{named, random, rows, tables};
 /// Runs random scenes with every method and compares with the truth.
 #[derive(Parser)]
 struct Arguments {
-    /// How many seeds
+    /// Number of seeds
     #[arg(long, default_value_t = 1000)]
     count: u64,
 

@@ -17,9 +17,9 @@ use std::f64::consts::TAU;
 pub struct Drawn {
     /// The scene, with a duration and without a step.
     pub scene: Scene,
-    /// What it is like.
+    /// Its kind.
     pub shape: Shape,
-    /// What else is true of it, for tables.
+    /// Further properties, for tables.
     pub traits: Traits,
 }
 

@@ -208,7 +208,7 @@ impl<'m> Motions<'m> {
     }
 }
 
-/// What the integrator sees between two kinks: free coordinates, their velocities, and the time as one more unknown. The library's
+/// The unknowns of the integrator between two kinks: free coordinates, their velocities, and the time as one more unknown. The library's
 /// table of nodes (0.6.2) has 0 for the twelfth stage, which is at the end of the step: of the time that it hands over the method
 /// would be of low order, and of none of this.
 struct Equations<'m> {

@@ -12,7 +12,7 @@ use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-/// What is asked of a run.
+/// The configuration of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ask {
@@ -31,15 +31,15 @@ pub struct Run {
     pub method: String,
     /// Stiffness policy by name.
     pub stiffness: String,
-    /// What was asked.
+    /// The configuration.
     pub ask: Ask,
     /// Its status by name; `too-long` for one that was stopped by the study's limit.
     pub status: String,
     /// Its true relative position error; `None` where the last state is not finite.
     pub error: Option<f64>,
-    /// What it said of its own error.
+    /// The estimate of its own error.
     pub estimate: Option<f64>,
-    /// What it warned of.
+    /// Its warnings.
     pub warnings: Vec<String>,
     /// The figures that these were made from.
     #[serde(skip_deserializing)]
@@ -55,7 +55,7 @@ pub struct Run {
 }
 
 impl Run {
-    /// Whether it came to its end.
+    /// The run was completed.
     pub fn is_completed(&self) -> bool {
         self.status == Status::Completed.name()
     }
@@ -69,12 +69,12 @@ impl Run {
 /// Steps of one run at most: beyond that it is too dear for a study. In particle-steps, so that small scenes may have more.
 const MOST_PARTICLE_STEPS: u64 = 1_000_000;
 
-/// How often a search for a required accuracy may ask whether to go on, times the particles: it does so at every step.
+/// The budget of a search for a required accuracy, in steps times particles.
 const MOST_ASKED: u64 = 5_000_000;
 
 /// A scene that runs start from.
 pub struct TestCase<'s> {
-    /// What moves.
+    /// The system.
     pub system: &'s System,
     /// Where it starts.
     pub start: &'s State,

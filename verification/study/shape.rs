@@ -3,7 +3,7 @@
 use rand::{Rng, RngExt};
 use std::collections::BTreeSet;
 
-/// What a scene is like.
+/// The kind of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Shape {
     /// Random points, joined to their neighbours.

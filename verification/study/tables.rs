@@ -1,4 +1,4 @@
-//! What is counted, and the page that is made of it.
+//! The counted outcomes, and their page.
 
 use super::cases::{Case, WRONG, asked, cases, is_ordinary};
 use super::record::Record;
@@ -33,7 +33,7 @@ pub fn page(records: &[Record]) -> String {
     page
 }
 
-/// What is promised, and whether it is kept.
+/// The promises, and their outcome.
 fn promises(records: &[Record]) -> String {
     let cases = cases(records);
     let of = |what: &dyn Fn(&Case) -> bool| cases.iter().copied().filter(|case| what(case)).collect::<Vec<_>>();

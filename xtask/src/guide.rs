@@ -1,4 +1,4 @@
-//! Building the guide: its own pages, the theory from the headers of modules, and mdBook.
+//! Building the guide: its own pages, pages of the repository, formulas as MathML, and mdBook.
 
 use crate::{links, taken, theory};
 use anyhow::{Context, Result, bail};
@@ -6,18 +6,30 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-/// Assembles the guide in `target/guide`, checks its links and runs mdBook.
+/// Pages of the repository that the guide shows too: the page of the guide, and its source.
+const TAKEN: [(&str, &str); 10] = [
+    ("reference/verification.md", "verification/README.md"),
+    ("reference/study.md", "verification/study.md"),
+    ("reference/accuracy.md", "verification/accuracy.md"),
+    ("reference/motion.md", "verification/motion.md"),
+    ("reference/robustness.md", "docs/robustness.md"),
+    ("reference/performance.md", "docs/performance/README.md"),
+    ("reference/performance-notes.md", "docs/performance/notes.md"),
+    ("reference/explicit.md", "docs/performance/explicit.md"),
+    ("reference/frames.md", "docs/performance/frames.md"),
+    ("reference/others.md", "docs/others.md"),
+];
+
+/// Assembles the guide in `target/guide`, typesets its formulas, checks its links and runs mdBook.
 pub fn build(root: &Path) -> Result<()> {
     let (source, target) = (root.join("docs/guide"), root.join("target/guide"));
     let _ = fs::remove_dir_all(&target);
     copy(&source, &target)?;
-    let theory = target.join("src/theory");
-    fs::create_dir_all(&theory).with_context(|| theory.display().to_string())?;
-    let contents = theory::contents(root)?;
-    taken::copy(root, &target.join("src"), &contents.taken)?;
-    for page in contents.pages(root)? {
-        let file = theory.join(&page.file);
-        fs::write(&file, page.text).with_context(|| file.display().to_string())?;
+    taken::copy(root, &target.join("src"), &TAKEN)?;
+    for page in theory::chapters(&target)? {
+        let text = fs::read_to_string(&page).with_context(|| page.display().to_string())?;
+        let typeset = theory::typeset(&text).with_context(|| page.display().to_string())?;
+        fs::write(&page, typeset).with_context(|| page.display().to_string())?;
     }
     links::check_folder(&target.join("src"))?;
     match Command::new("mdbook").arg("build").arg(&target).status() {

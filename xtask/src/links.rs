@@ -1,4 +1,4 @@
-//! Links between pages: every relative one leads to a file, every anchor to a heading.
+//! Relative links and anchors of pages.
 
 use anyhow::{Context, Result, bail};
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd};
@@ -6,10 +6,10 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Folders without pages of ours.
+/// Folders that are not searched.
 const SKIPPED: [&str; 5] = ["target", ".git", "out", "node_modules", "corpus"];
 
-/// Checks all pages of the repository but those of the guide, which [`check_folder`] sees when it is built.
+/// Checks all pages of the repository except the guide, which [`check_folder`] checks when it is built.
 pub fn check(root: &Path) -> Result<()> {
     let pages = pages(root)?.into_iter().filter(|page| !page.starts_with(root.join("docs/guide"))).collect();
     check_pages(root, pages)
@@ -31,7 +31,7 @@ fn check_pages(root: &Path, pages: Vec<PathBuf>) -> Result<()> {
         }
     }
     if broken.is_empty() {
-        println!("{} pages, every link leads somewhere", pages.len());
+        println!("{} pages, no broken links", pages.len());
         return Ok(());
     }
     bail!("broken links:\n{}", broken.join("\n"))
@@ -61,7 +61,7 @@ fn links(text: &str) -> Vec<String> {
     targets.filter(|link| !link.contains("://") && !link.starts_with("mailto:")).collect()
 }
 
-/// Why a link of a page leads nowhere.
+/// The reason why a link is broken.
 fn broken_link(page: &Path, text: &str, link: &str) -> Result<Option<String>> {
     let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
     let target = match page.parent() {
@@ -78,7 +78,7 @@ fn broken_link(page: &Path, text: &str, link: &str) -> Result<Option<String>> {
     Ok((!anchors(&text).contains(anchor)).then(|| "no such heading".into()))
 }
 
-/// The anchors that a page's headings get: lower case, words joined by hyphens.
+/// The anchors of the headings of a page: lower case, words joined by hyphens.
 fn anchors(text: &str) -> BTreeSet<String> {
     let (mut anchors, mut heading) = (BTreeSet::new(), None);
     for event in Parser::new(text) {

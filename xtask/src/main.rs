@@ -1,13 +1,15 @@
 //! Tools for those who work on `sprung`: `cargo xtask --help`.
 
-mod circles;
+mod cycles;
+mod deps;
 mod faults;
 mod guide;
-mod house;
 mod links;
 mod taken;
 mod theory;
 mod tools;
+#[cfg(test)]
+mod words;
 
 use anyhow::{Context, Result};
 use clap::Parser;
@@ -16,13 +18,13 @@ use std::path::{Path, PathBuf};
 /// Tools for those who work on sprung
 #[derive(Debug, Parser)]
 enum Command {
-    /// Build the guide into target/guide/book: theory pages from the headers of modules, then mdBook
+    /// Build the guide into target/guide/book: formulas as MathML, pages of the repository, mdBook
     Guide,
-    /// Check that every relative link in every page leads to a file, and every anchor to a heading
+    /// Check all relative links and anchors of all pages
     Links,
-    /// Draw which module uses which, and fail where an arrow runs back or files use each other in a circle
-    House,
-    /// Plant faults in a copy and record which tests catch each: verification/faults.md, src/report/faults.json; a quarter of an hour
+    /// Print which module uses which; fail if one uses a module below it or files depend on each other cyclically
+    Deps,
+    /// Plant faults in a copy and record which tests catch each: verification/faults.md, src/report/faults.json; 15 minutes
     Faults(faults::Chosen),
     #[command(flatten)]
     Tool(tools::Tool),
@@ -33,7 +35,7 @@ fn main() -> Result<()> {
     match Command::parse() {
         Command::Guide => guide::build(&root),
         Command::Links => links::check(&root),
-        Command::House => house::draw(&root),
+        Command::Deps => deps::check(&root),
         Command::Faults(chosen) => faults::run(&root, &chosen),
         Command::Tool(tool) => tools::run(&root, &tool),
     }
@@ -42,5 +44,5 @@ fn main() -> Result<()> {
 /// The folder of the repository.
 fn root() -> Result<PathBuf> {
     let parent = Path::new(env!("CARGO_MANIFEST_DIR")).parent();
-    Ok(parent.context("this package lies in no folder")?.to_path_buf())
+    Ok(parent.context("the package has no parent folder")?.to_path_buf())
 }

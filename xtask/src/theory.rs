@@ -1,150 +1,192 @@
-//! Theory pages of the guide, made of the headers of modules: a derivation is written once, beside the code that it is of.
+//! The theory chapters of the guide: LaTeX formulas become MathML, and tests hold each chapter to what it must have.
 
-use anyhow::{Context, Result, ensure};
-use regex::Regex;
-use serde::Deserialize;
+use anyhow::{Context, Result, anyhow};
+use pulldown_cmark::{Event, Options, Parser};
+use pulldown_latex::config::{DisplayMode, RenderConfig};
+use pulldown_latex::{Storage, push_mathml};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// A page of the guide.
-pub struct Page {
-    /// Its file name.
-    pub file: String,
-    /// Its text, in Markdown.
-    pub text: String,
+/// The files of the chapters, in a folder that holds a guide.
+pub fn chapters(guide: &Path) -> Result<Vec<PathBuf>> {
+    let folder = guide.join("src/theory");
+    let entries = fs::read_dir(&folder).with_context(|| folder.display().to_string())?;
+    let mut files = entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<PathBuf>>>()?;
+    files.retain(|file| file.extension().is_some_and(|extension| extension == "md"));
+    files.sort();
+    Ok(files)
 }
 
-#[derive(Deserialize)]
-pub struct Contents {
-    page: Vec<Entry>,
-    /// Pages that stand elsewhere in the repository.
-    pub taken: Vec<Taken>,
-}
-
-/// A page of the repository that the guide shows too.
-#[derive(Deserialize)]
-pub struct Taken {
-    /// Where in the guide.
-    pub file: String,
-    /// Where it stands.
-    pub source: String,
-}
-
-/// A page as `docs/guide/theory.toml` describes it.
-#[derive(Deserialize)]
-struct Entry {
-    file: String,
-    title: String,
-    intro: String,
-    sources: Vec<String>,
-}
-
-/// What the guide takes from elsewhere.
-pub fn contents(root: &Path) -> Result<Contents> {
-    let file = root.join("docs/guide/theory.toml");
-    let text = fs::read_to_string(&file).with_context(|| file.display().to_string())?;
-    toml::from_str(&text).with_context(|| file.display().to_string())
-}
-
-impl Contents {
-    /// All theory pages.
-    pub fn pages(self, root: &Path) -> Result<Vec<Page>> {
-        self.page.into_iter().map(|entry| page(root, entry)).collect()
+/// The page with its formulas, `$…$` and `$$…$$`, as MathML. Code keeps its dollars.
+pub fn typeset(page: &str) -> Result<String> {
+    let (mut text, mut end) = (String::with_capacity(2 * page.len()), 0);
+    for (latex, display, range) in formulas(page) {
+        text += &page[end..range.start];
+        let after = &page[range.end..];
+        let mark = after.len() - after.trim_start_matches([',', '.', ';', ':', ')']).len();
+        let formula = mathml(&latex, display)?;
+        // No line begins with the mark after a formula.
+        text += &if mark > 0 { format!("<span class=\"formula\">{formula}{}</span>", &after[..mark]) } else { formula };
+        end = range.end + mark;
     }
+    Ok(text + &page[end..])
 }
 
-fn page(root: &Path, entry: Entry) -> Result<Page> {
-    let Entry { file, title, intro, sources } = entry;
-    let mut text = format!("# {title}\n\n{}\n", intro.trim());
-    for source in sources {
-        let path = root.join(&source);
-        let code = fs::read_to_string(&path).with_context(|| source.clone())?;
-        let header = header(&code)?;
-        ensure!(!header.trim().is_empty(), "{source} has no header");
-        let (first, rest) = header.split_once("\n\n").unwrap_or((header.trim_end(), ""));
-        let heading = first.replace('\n', " ");
-        text += &format!(
-            "\n## {}\n\n{}\n\n<small>The header of `{source}`.</small>\n",
-            heading.trim_end_matches('.'),
-            rest.trim()
-        );
+fn formulas(page: &str) -> impl Iterator<Item = (String, DisplayMode, std::ops::Range<usize>)> {
+    let events = Parser::new_ext(page, Options::ENABLE_MATH | Options::ENABLE_TABLES).into_offset_iter();
+    events.filter_map(|(event, range)| match event {
+        Event::InlineMath(latex) => Some((latex.into_string(), DisplayMode::Inline, range)),
+        Event::DisplayMath(latex) => Some((latex.into_string(), DisplayMode::Block, range)),
+        _ => None,
+    })
+}
+
+fn mathml(latex: &str, display_mode: DisplayMode) -> Result<String> {
+    let storage = Storage::new();
+    let events: Result<Vec<_>, _> = pulldown_latex::Parser::new(latex, &storage).collect();
+    let events = events.map_err(|error| anyhow!("the formula {latex:?}: {error}"))?;
+    let mut mathml = String::new();
+    let config = RenderConfig { display_mode, ..RenderConfig::default() };
+    push_mathml(&mut mathml, events.into_iter().map(Ok::<_, std::fmt::Error>), config)?;
+    Ok(hidden_from_markdown(&mathml.replace("&nbsp;", "\u{a0}")))
+}
+
+/// Markup on one line, whose text Markdown cannot take for its own: no `*`, `|` or `'` between tags.
+fn hidden_from_markdown(markup: &str) -> String {
+    let (mut hidden, mut in_tag, mut in_entity) = (String::with_capacity(markup.len()), false, false);
+    for c in markup.chars() {
+        match c {
+            '<' => in_tag = true,
+            '>' => in_tag = false,
+            '&' => in_entity = true,
+            ';' if in_entity => {
+                in_entity = false;
+                hidden.push(c);
+                continue;
+            }
+            _ => {}
+        }
+        match c {
+            '\n' => hidden.push(' '),
+            _ if in_tag || in_entity || !c.is_ascii_punctuation() || c == '>' => hidden.push(c),
+            _ => hidden += &format!("&#{};", u32::from(c)),
+        }
     }
-    Ok(Page { file, text })
-}
-
-/// The documentation at the top of a module, links to items of the code as plain names.
-fn header(code: &str) -> Result<String> {
-    let lines = code.lines().map_while(|line| line.strip_prefix("//!"));
-    let text: String = lines.map(|line| format!("{}\n", line.strip_prefix(' ').unwrap_or(line))).collect();
-    // [`Name`](path::to::item) and [text](path::to::item): what is no file and no address is an item.
-    let linked = Regex::new(r"\[([^\]]+)\]\(([^)\s]+)\)")?;
-    let text = linked.replace_all(&text, |found: &regex::Captures<'_>| {
-        let (name, target) = (&found[1], &found[2]);
-        if target.starts_with("http") || target.contains(".md") { found[0].to_owned() } else { name.to_owned() }
-    });
-    Ok(Regex::new(r"\[(`[^`\]]+`)\]")?.replace_all(&text, "$1").into_owned())
+    hidden
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{contents, header};
-    use std::collections::BTreeSet;
+    use super::{chapters, formulas, typeset};
+    use regex::Regex;
     use std::fs;
     use std::path::{Path, PathBuf};
 
-    fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
-        for entry in fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                collect(&path, files);
-            } else if path.extension().is_some_and(|extension| extension == "rs") {
-                files.push(path);
+    fn all() -> Vec<(PathBuf, String)> {
+        let guide = crate::root().unwrap().join("docs/guide");
+        chapters(&guide).unwrap().into_iter().map(|file| (file.clone(), fs::read_to_string(file).unwrap())).collect()
+    }
+
+    /// All texts that a pattern finds, by its first group.
+    fn found<'t>(pattern: &str, text: &'t str) -> Vec<regex::Captures<'t>> {
+        Regex::new(pattern).unwrap().captures_iter(text).collect()
+    }
+
+    #[test]
+    fn formulas_become_one_line_of_mathml() {
+        let page = "Let $a_i^* = \\frac{1}{2}$, hold.\n\n$$\nf'(x) = |x|\n$$\n\nKeep `$x$`.\n";
+        let typeset = typeset(page).unwrap();
+        assert!(typeset.starts_with("Let <span class=\"formula\"><math"), "{typeset}");
+        assert!(typeset.contains("</math>,</span> hold."), "{typeset}");
+        assert!(typeset.contains("<mfrac>") && typeset.contains("display=\"block\""), "{typeset}");
+        assert!(typeset.ends_with("\n\nKeep `$x$`.\n"), "{typeset}");
+        assert_eq!(typeset.lines().count(), 5);
+        let text = Regex::new("<[^>]*>").unwrap().replace_all(&typeset, "");
+        assert!(!text.contains(['*', '|', '\'', '$']) || text.matches('$').count() == 2, "{text}");
+    }
+
+    #[test]
+    fn a_formula_that_does_not_parse_is_an_error() {
+        for wrong in ["$\\frac{1}$", "$\\nosuchcommand x$", "$$\\begin{aligned} a$$"] {
+            assert!(typeset(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn all_formulas_parse() {
+        for (file, text) in all() {
+            typeset(&text).unwrap_or_else(|error| panic!("{}: {error:#}", file.display()));
+        }
+    }
+
+    #[test]
+    fn every_chapter_is_in_the_summary_and_every_picture_in_a_chapter() {
+        let root = crate::root().unwrap();
+        let summary = fs::read_to_string(root.join("docs/guide/src/SUMMARY.md")).unwrap();
+        let chapters = all();
+        assert!(chapters.len() >= 11);
+        for (file, text) in &chapters {
+            let name = file.file_name().unwrap().to_str().unwrap();
+            assert!(summary.contains(&format!("(theory/{name})")), "{name} is not in SUMMARY.md");
+            let pictures = found(r"!\[[^\]]+\]\(([\w-]+\.svg)\)", text);
+            assert!(!pictures.is_empty(), "{name} has no picture with a description");
+            assert!(formulas(text).count() > 0, "{name} has no formula");
+        }
+        for entry in fs::read_dir(root.join("docs/guide/src/theory")).unwrap() {
+            let name = entry.unwrap().file_name().into_string().unwrap();
+            if name.ends_with(".svg") {
+                let used = chapters.iter().any(|(_, text)| text.contains(&format!("({name})")));
+                assert!(used, "{name} is in no chapter");
             }
         }
     }
 
-    /// A header with a formula is on a page, once, and so reaches its reader.
+    /// A place in the code is written `` `function` in `src/file.rs` ``.
     #[test]
-    fn every_derivation_is_on_a_page() {
+    fn every_chapter_names_functions_that_exist() {
         let root = crate::root().unwrap();
-        let contents = contents(&root).unwrap();
-        let listed: Vec<PathBuf> = contents.page.iter().flat_map(|page| &page.sources).map(PathBuf::from).collect();
-        let known: BTreeSet<&Path> = listed.iter().map(PathBuf::as_path).collect();
-        assert_eq!(known.len(), listed.len(), "a header stands twice in theory.toml");
-        let mut files = Vec::new();
-        collect(&root.join("src"), &mut files);
-        for file in files {
-            let code = fs::read_to_string(&file).unwrap();
-            let file = file.strip_prefix(&root).unwrap();
-            if code.lines().take_while(|line| line.starts_with("//!")).any(|line| line.contains("```text")) {
-                assert!(
-                    known.contains(file),
-                    "{} has a formula and is on no page: docs/guide/theory.toml",
-                    file.display()
-                );
+        for (file, text) in all() {
+            let places = found(r"`([\w:]+)`\s+in\s+`((?:src|verification)/[\w/]+\.rs)`", &text);
+            assert!(!places.is_empty(), "{} names no function", file.display());
+            for place in places {
+                let (name, path) = (&place[1], &place[2]);
+                let code = fs::read_to_string(root.join(path)).unwrap_or_else(|_| panic!("{}: {path}", file.display()));
+                for part in name.split("::") {
+                    let defined = format!(r"(fn|struct|enum|trait|const) {part}\b|impl\b[^{{]*\b{part}\b");
+                    assert!(Regex::new(&defined).unwrap().is_match(&code), "{}: {name} in {path}", file.display());
+                }
             }
         }
     }
 
-    /// Who reads the documentation of a module is told which pages have its theory.
+    /// A check is named by its claim and its family, `` `claim::family` ``, as the suite's tests are.
     #[test]
-    fn modules_name_their_pages() {
+    fn every_chapter_names_checks_that_exist() {
         let root = crate::root().unwrap();
-        for page in contents(&root).unwrap().page {
-            let module = Path::new(&page.sources[0]).iter().nth(1).unwrap();
-            let folder = root.join("src").join(module);
-            let file = if folder.is_dir() { folder.join("mod.rs") } else { folder };
-            let name = format!("`{}`", page.file.trim_end_matches(".md"));
-            let code = fs::read_to_string(&file).unwrap();
-            let header: Vec<&str> = code.lines().take_while(|line| line.starts_with("//!")).collect();
-            assert!(header.iter().any(|line| line.contains(&name)), "{} does not name {name}", file.display());
+        let families = fs::read_to_string(root.join("src/verify/family.rs")).unwrap();
+        let claims: Vec<String> = found(r#"Claim::(\w+),\s+"(\w+)""#, &families)
+            .iter()
+            .map(|family| format!("{}::{}", family[1].to_lowercase(), &family[2]))
+            .collect();
+        assert!(claims.len() >= 20, "{claims:?}");
+        for (file, text) in all() {
+            let named = found(r"`([a-z]+::[a-z_]+)`", &text);
+            assert!(!named.is_empty(), "{} names no check", file.display());
+            for check in named {
+                let name = check[1].to_owned();
+                assert!(claims.contains(&name), "{}: no check {name}", file.display());
+            }
         }
     }
 
+    /// Files of the repository that commands in a chapter use.
     #[test]
-    fn headers_lose_their_marks_and_links_to_items() {
-        let code =
-            "//! Of [`A`], [`b`](super::b), [one](crate::c) and [a page](x.md).\n//!\n//!     code\n\n//! not this\n";
-        assert_eq!(header(code).unwrap(), "Of `A`, `b`, one and [a page](x.md).\n\n    code\n");
+    fn files_in_commands_exist() {
+        let root = crate::root().unwrap();
+        for (file, text) in all() {
+            for path in found(r"(?m)^sprung .*?\s((?:docs|src|verification)/[\w/]+\.toml)", &text) {
+                assert!(Path::new(&root).join(&path[1]).exists(), "{}: {}", file.display(), &path[1]);
+            }
+        }
     }
 }

@@ -1,56 +1,55 @@
-//! The programs that examine the crate and renew what is recorded: each is built where it stands, as Cargo builds it, and given the words
-//! that follow.
+//! Programs that measure the crate and regenerate recorded files. Each receives the remaining arguments.
 
 use anyhow::{Context, Result, ensure};
 use clap::{Args, Subcommand};
 use std::path::Path;
 use std::process::Command;
 
-/// Which program.
+/// A program.
 #[derive(Debug, Clone, Subcommand)]
 pub enum Tool {
-    /// A thousand random scenes against an independent reference: verification/study.md; ten minutes
+    /// Compare a thousand random scenes with an independent reference: verification/study.md; 10 minutes
     Study(Words),
-    /// Linear systems solved as exactly as the motion needs, on the scenes of the study: verification/exactness.md; ten minutes
-    LinearTolerance(Words),
-    /// What --accuracy answers on random scenes, and what that costs: verification/accuracy.md; a quarter of an hour
+    /// Compare adaptive and strict linear tolerances on the scenes of the study: verification/exactness.md; 10 minutes
+    Exactness(Words),
+    /// Measure error and cost of --accuracy on random scenes: verification/accuracy.md; 15 minutes
     Accuracy(Words),
-    /// What --accuracy answers on ready scenes of all sizes, against references by two methods: verification/ready.md; an hour
+    /// Measure --accuracy on ready scenes of all sizes: verification/ready.md; an hour
     Ready(Words),
-    /// Cloths that swing down by several methods: the table of verification/motion.md; minutes
+    /// Compare methods on a swinging cloth: the table of verification/motion.md; minutes
     Motion(Words),
-    /// Speed against accuracy, and maps of stability: verification/charts; minutes
+    /// Draw work–precision diagrams and stability maps: verification/charts; minutes
     Charts(Words),
-    /// Methods beside integrators of other libraries: benches/peers/README.md, verification/charts; minutes
-    Communicator(Words),
-    /// `--solver auto` beside the solvers it chooses from: verification/auto.md; an hour
+    /// Compare methods with integrators of other libraries: benches/peers/README.md, verification/charts; minutes
+    Peers(Words),
+    /// Compare `--solver auto` with each solver: verification/auto.md; an hour
     Auto(Words),
-    /// What accompanying a run costs; a minute
+    /// Measure the cost of the energy balance and the error estimate; a minute
     MonitorCost(Words),
-    /// Random bytes, killed runs, odd matrices; see CONTRIBUTING
+    /// Run stress tests: random bytes, killed runs, odd matrices; see CONTRIBUTING.md
     Stress(Words),
-    /// Known answers from the Python programs in verification/answers/derive; minutes
+    /// Derive known answers by the Python programs in verification/answers/derive; minutes
     Answers(Words),
-    /// Tables and pictures of speed: docs/performance; half an hour
+    /// Measure performance: docs/performance; half an hour
     Performance(Words),
-    /// The README's first picture: docs/lost-definiteness.svg; seconds
+    /// Draw the picture of the README: docs/lost-definiteness.svg; seconds
     Picture(Words),
 }
 
-/// What is handed to a tool.
+/// The arguments of a program.
 #[derive(Debug, Clone, Default, Args)]
 #[command(disable_help_flag = true)]
 pub struct Words {
-    /// Handed to the tool, --help too
+    /// Passed to the program, --help included
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     words: Vec<String>,
 }
 
-/// Where the tools of `verification/` are.
+/// The arguments of Cargo that select the programs of `verification/`.
 const VERIFICATION: [&str; 4] = ["--package", "sprung-verification", "--features", "tools"];
 
 impl Tool {
-    /// Program and words.
+    /// The program and its first arguments.
     fn command(&self) -> (&'static str, Vec<&'static str>) {
         let tool = |name| {
             let mut words = vec!["run", "--release"];
@@ -60,7 +59,7 @@ impl Tool {
         };
         match self {
             Self::Study(_) => tool("study"),
-            Self::LinearTolerance(_) => tool("exactness"),
+            Self::Exactness(_) => tool("exactness"),
             Self::Accuracy(_) => tool("accuracy"),
             Self::Ready(_) => tool("ready"),
             Self::Motion(_) => tool("motion"),
@@ -69,9 +68,7 @@ impl Tool {
             Self::MonitorCost(_) => tool("monitor_cost"),
             Self::Stress(_) => tool("stress"),
             Self::Picture(_) => ("cargo", vec!["run", "--release", "--example", "lost_definiteness", "--"]),
-            Self::Communicator(_) => {
-                ("cargo", vec!["run", "--release", "--manifest-path", "benches/peers/Cargo.toml", "--"])
-            }
+            Self::Peers(_) => ("cargo", vec!["run", "--release", "--manifest-path", "benches/peers/Cargo.toml", "--"]),
             Self::Answers(_) => ("python3", vec!["verification/answers/derive/all.py"]),
             Self::Performance(_) => ("python3", vec!["benches/compare/run.py"]),
         }
@@ -79,12 +76,12 @@ impl Tool {
 
     fn words(&self) -> &[String] {
         let (Self::Study(given)
-        | Self::LinearTolerance(given)
+        | Self::Exactness(given)
         | Self::Accuracy(given)
         | Self::Ready(given)
         | Self::Motion(given)
         | Self::Charts(given)
-        | Self::Communicator(given)
+        | Self::Peers(given)
         | Self::Auto(given)
         | Self::MonitorCost(given)
         | Self::Stress(given)
@@ -95,7 +92,7 @@ impl Tool {
     }
 }
 
-/// Runs a program to its end.
+/// Runs a program.
 pub fn run(root: &Path, tool: &Tool) -> Result<()> {
     let (program, arguments) = tool.command();
     let mut command = Command::new(program);
@@ -110,7 +107,7 @@ mod tests {
     use super::Tool;
     use clap::{FromArgMatches, Subcommand};
 
-    /// What a tool runs is there, and words after its name reach it.
+    /// Every program exists and receives its arguments.
     #[test]
     fn every_tool_has_its_program() {
         let root = crate::root().unwrap();

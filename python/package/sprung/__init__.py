@@ -1,8 +1,7 @@
 """Implicit mass-spring systems with their matrices in numpy and scipy.
 
-`sprung` assembles the system matrix ``A = M/dt**2 - G/dt - K`` of a mass-spring system explicitly, steps in time with
-it, and proves what it says: whether the Jacobian is right, whether A is definite and which springs spoil it, which step
-is safe, and how wrong a run is.
+`sprung` assembles the system matrix ``A = M/dt**2 - G/dt - K`` of a mass-spring system explicitly and steps in time. It
+verifies Jacobians, the definiteness of A and the springs that affect it, step limits, and the error of a run.
 
 >>> import sprung
 >>> system = sprung.System(

@@ -1,4 +1,4 @@
-"""Arguments as arrays: any real type and any layout, with errors that say which argument is wrong and where."""
+"""Conversion of arguments to arrays, with errors that name the argument and the index."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Floats = NDArray[np.float64]
 
 
 def real(name: str, value: ArrayLike) -> Floats:
-    """Any real numbers as doubles; those that are doubles already are not copied."""
+    """Real numbers as doubles, without a copy where possible."""
     try:
         array = np.asarray(value)
     except (ValueError, TypeError) as error:
@@ -29,7 +29,7 @@ def number(name: str, value: ArrayLike) -> float:
 
 
 def positive(name: str, value: ArrayLike) -> float:
-    """One number that is finite and positive."""
+    """One finite and positive number."""
     found = number(name, value)
     if not (np.isfinite(found) and found > 0):
         raise ValueError(f"{name} = {found!r}: must be finite and positive")
@@ -37,7 +37,7 @@ def positive(name: str, value: ArrayLike) -> float:
 
 
 def rows(name: str, value: ArrayLike, of: str = "particle", width: int | None = None) -> Floats:
-    """One row of one to three numbers each, in the layout that is read fastest."""
+    """Rows of one to three numbers, contiguous."""
     array = real(name, value)
     if array.size == 0 and array.ndim < 2:
         array = np.zeros((0, 3 if width is None else width))
@@ -48,7 +48,7 @@ def rows(name: str, value: ArrayLike, of: str = "particle", width: int | None = 
 
 
 def each(name: str, value: ArrayLike, count: int, of: str, zero: bool = False) -> Floats:
-    """One number for each of ``count``; one for all is repeated. Those of an array are checked where they are used."""
+    """One number for each of ``count`` items; a scalar is repeated."""
     array = real(name, value)
     if array.ndim == 0:
         if not (np.isfinite(array) and (array >= 0 if zero else array > 0)):
@@ -76,7 +76,7 @@ def integers(name: str, value: ArrayLike) -> NDArray[np.integer]:
 
 
 def pairs(name: str, value: ArrayLike, particles: int) -> NDArray[np.uint32]:
-    """End points of springs, each the number of a particle."""
+    """End points of springs, as indices of particles."""
     array = integers(name, value)
     if array.size == 0:
         array = array.reshape(0, 2)
@@ -92,5 +92,5 @@ def pairs(name: str, value: ArrayLike, particles: int) -> NDArray[np.uint32]:
 
 
 def dofs(particles: NDArray[np.int64], axes: NDArray[np.int8]) -> NDArray[np.int64]:
-    """Particle and axis of every row of the matrices, side by side."""
+    """Particle and axis of every row of the matrices."""
     return np.column_stack([particles, axes.astype(np.int64)])

@@ -1,4 +1,4 @@
-"""Kinematic particles."""
+"""Kinematic constraints."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class Constraint:
     particles : int or array_like of int
         The kinematic particles.
     axes : str or sequence of str, optional
-        The prescribed axes, as ``"xy"`` or ``["x", "y"]``; absent: all.
+        The prescribed axes, as ``"xy"`` or ``["x", "y"]``; default: all.
     velocity : array_like, optional
         In m/s: ``x(t) = x(0) + t velocity``.
     path : (times, offsets) or mapping with these keys, optional
-        ``x(t) = x(0) + offset(t)``, piecewise linear and clamped at both ends; times in s, one row in m for each.
-        With neither a velocity nor a path the coordinates are held.
+        ``x(t) = x(0) + offset(t)``, piecewise linear and clamped at both ends; times in s, offsets in m.
+        Without velocity and path the coordinates are held.
     """
 
     particles: Any
@@ -87,7 +87,7 @@ def _path(key: str, path: Any, dimension: int) -> tuple[list[float], list[list[f
 
 
 def constraint(index: int, entry: Any) -> Constraint:
-    """A constraint, or the mapping of a scene file that says the same."""
+    """A constraint from itself or from a mapping with the keys of a scene file."""
     if isinstance(entry, Constraint):
         return entry
     if not isinstance(entry, Mapping):

@@ -1,4 +1,4 @@
-"""What is raised where a step or a run breaks down, or is doubtful; unusable arguments are plain ``ValueError``."""
+"""Exceptions and warnings of steps and runs. Invalid arguments raise ``ValueError``."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class Breakdown(RuntimeError):
     ----------
     status : str
         ``"indefinite"``, ``"not-converged"``, ``"non-finite"``, ``"degenerate-spring"`` or ``"unstable"`` (energy
-        appeared from nowhere).
+        appeared without cause).
     result : Result or None
-        Of a run: everything up to the last good state, which the stepper has, too. ``None`` for a single step.
+        The run up to the last good state, which is also that of the stepper. ``None`` for a single step.
     """
 
     def __init__(self, message: str, status: str, result: Result | None = None) -> None:
@@ -27,4 +27,4 @@ class Breakdown(RuntimeError):
 
 
 class DoubtWarning(UserWarning):
-    """A run came to its end and is doubtful; the message names the cause."""
+    """A completed run is doubtful; the message names the cause."""

@@ -1,4 +1,4 @@
-"""Forces and spring laws that are functions of the user's own, and what is checked of the arrays that they give."""
+"""Forces and spring laws defined by functions, and checks of the arrays that they return."""
 
 from __future__ import annotations
 
@@ -14,35 +14,33 @@ from ._arrays import Floats
 
 @dataclass(frozen=True)
 class ExternalForce:
-    """A force from outside, with its derivatives: wind, a floor, another program.
+    """An external force, such as wind or a floor, with its derivatives.
 
     Parameters
     ----------
     force : callable
-        ``force(positions, velocities, time)`` gives the force on every particle, in N. Positions (m), velocities (m/s) and the
+        ``force(positions, velocities, time)`` returns the force on every particle, in N. Positions (m), velocities (m/s) and the
         result have the shape (particles, dimension), the time is in s. It may depend on all particles.
     derivatives : callable, optional
-        ``derivatives(positions, velocities, time)`` gives ``(stiffness, damping)``: of each particle df/dx, in N/m, and df/dv, in
-        N s/m, by its own position and velocity, both of shape (particles, dimension, dimension), or ``None`` for zero. Their symmetric
-        parts enter K, G and A beside those of the springs, so that a stiff force does not bound the step. Where it is absent the force
-        enters no matrix: it then bounds the step as with an explicit method, and ``"rodas4"``, whose order hangs on the exact
-        derivatives, refuses it.
+        ``derivatives(positions, velocities, time)`` returns ``(stiffness, damping)``: df/dx, in N/m, and df/dv, in N s/m, of each
+        particle by its own position and velocity, both of shape (particles, dimension, dimension), or ``None`` for zero. Their
+        symmetric parts enter K, G and A, so a stiff force does not restrict the step. Without them the force is explicit, and
+        ``"rodas4"``, whose order requires exact derivatives, rejects it.
     rate : callable, optional
-        ``rate(positions, velocities, time)`` gives df/dt at fixed positions and velocities, in N/s, shape (particles, dimension).
-        Absent: zero, as of a force that does not depend on time itself. Only ``"rodas4"`` asks for it.
+        ``rate(positions, velocities, time)`` returns df/dt at fixed positions and velocities, in N/s, shape (particles, dimension).
+        Default: zero. Only ``"rodas4"`` uses it.
 
     Notes
     -----
-    A function is called once for every evaluation, with arrays of its own, by the thread that computes, which holds Python's lock
-    meanwhile. An exception that it raises ends the run, which raises it; the stepper is then at its last good state. So does an array
-    of a wrong shape or type, or with a number that is not finite (``ValueError``).
+    A function is called once for every evaluation, with new arrays, while the interpreter lock is held. An exception ends the run and
+    propagates; the stepper then has its last good state. An array of wrong shape or type, or with a value that is not finite, raises
+    ``ValueError``.
 
-    What couples particles is not in blocks of single particles, so ``derivatives`` of such a force are incomplete; methods keep their
-    order without them, except ``"rodas4"``.
+    Derivatives of a force that couples particles are incomplete; omit them. Methods then keep their order, except ``"rodas4"``.
 
     Examples
     --------
-    A floor that pushes back with 1 kN/m:
+    A floor with a stiffness of 1 kN/m:
 
     >>> import numpy as np
     >>> import sprung
@@ -66,7 +64,7 @@ class ExternalForce:
 
 
 def forces(given: Iterable[Any], first: int, particles: int, dimension: int) -> list[tuple[Any, ...]]:
-    """Forces as the native half takes them, numbered from ``first`` on."""
+    """Forces for the native module, numbered from ``first`` on."""
     try:
         entries = list(given)
     except TypeError:
@@ -111,7 +109,7 @@ def _of_blocks(key: str, function: Callable[..., Any], shape: tuple[int, ...]) -
 
 
 def law(function: Any, springs: int) -> Callable[..., tuple[Floats, ...]]:
-    """A spring law as the native half takes it: with an energy."""
+    """A spring law for the native module, with an energy."""
     if not callable(function):
         raise ValueError(f"spring_law = {function!r}: must be a function of lengths, rest lengths and stiffnesses")
 
@@ -141,7 +139,7 @@ def _energy(function: Any, lengths: Floats, rest_lengths: Floats, stiffness: Flo
 
 
 def _checked(key: str, value: Any, shape: tuple[int, ...], where: str = "") -> Floats:
-    """An array of doubles that has this shape and is finite."""
+    """A finite array of doubles of this shape."""
     array = _arrays.real(f"{key}{where}", value)
     if array.shape != shape:
         raise ValueError(f"{key}{where} = an array of shape {array.shape}: must have the shape {shape}")

@@ -1,4 +1,4 @@
-"""Whole pages inside a notebook."""
+"""Pages in notebooks."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import html
 
 
 def framed(page: str, height: int) -> str:
-    """A page in a frame of its own, so that its styles and scripts touch nothing else."""
+    """A page in a frame, which isolates its styles and scripts."""
     return (
         f'<iframe srcdoc="{html.escape(page, quote=True)}" width="100%" height="{height}" '
         'style="border:0" loading="lazy"></iframe>'

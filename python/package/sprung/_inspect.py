@@ -1,4 +1,4 @@
-"""Is A positive definite, which springs spoil it, and which step is safe?"""
+"""Definiteness of A, the springs that affect it, and step limits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ._system import System
 
 
 class Inertia(NamedTuple):
-    """How many eigenvalues have each sign."""
+    """The numbers of eigenvalues of each sign."""
 
     negative: int
     zero: int
@@ -23,16 +23,16 @@ class Inertia(NamedTuple):
 
 
 class Inspection:
-    """What an inspection found.
+    """The result of an inspection.
 
     Attributes
     ----------
     data : dict
-        Everything, as ``sprung inspect --json`` prints it. Steps without limit are ``None``.
+        The output of ``sprung inspect --json``. Steps without limit are ``None``.
     eigenvalues : ndarray
-        The lowest eigenvalues of A that were found, ascending, in N/m.
+        The computed lowest eigenvalues of A, ascending, in N/m.
     eigenvectors : ndarray, shape (rows, found)
-        Theirs, of length 1, as columns over the free coordinates.
+        Unit eigenvectors, as columns over the free coordinates.
     """
 
     def __init__(self, native: _native.Inspection) -> None:
@@ -44,34 +44,34 @@ class Inspection:
 
     @property
     def dt(self) -> float:
-        """The step that was asked about, in s."""
+        """The step, in s."""
         return self.data["dt"]
 
     @property
     def stiffness(self) -> str:
-        """The option under which A was examined."""
+        """The stiffness option of the examined A."""
         return self.data["stiffness"]
 
     @property
     def definite(self) -> bool:
-        """Whether A is positive definite."""
+        """True if A is positive definite."""
         return self.data["definite"]
 
     @property
     def inertia(self) -> Inertia:
-        """Signs of the eigenvalues of A."""
+        """The signs of the eigenvalues of A."""
         signs = self.data["inertia"]
         return Inertia(signs["negative"], signs["zero"], signs["positive"])
 
     @property
     def condition(self) -> float:
-        """``max|lambda| / min|lambda|`` of A; infinite where it is singular."""
+        """``max|lambda| / min|lambda|`` of A; infinite if it is singular."""
         value = self.data["condition"]
         return math.inf if value is None else value
 
     @property
     def critical_dt(self) -> float:
-        """The largest step for which A is positive definite at this state, in s; infinite where all are."""
+        """The largest step for which A is positive definite at this state, in s; infinite if A is for every step."""
         return _step(self.data["critical_dt"])
 
     @property
@@ -81,21 +81,21 @@ class Inspection:
 
     @property
     def turning_dt(self) -> float:
-        """The largest step that turns no spring so far that this stretches or brakes it, in s."""
+        """The largest step within the rotation limit of all springs, in s."""
         return _step(self.data["turning_dt"])
 
     @property
     def options(self) -> dict[str, dict[str, Any]]:
-        """The same figures under ``"full"``, ``"tension"`` and ``"axial"``."""
+        """The same results under ``"full"``, ``"tension"`` and ``"axial"``."""
         return self.data["options"]
 
     @property
     def culprits(self) -> list[dict[str, Any]]:
-        """The springs behind the lowest eigenvalue, worst first: ``spring``, ``particles``, ``strain``, ``share``."""
+        """The springs that cause the lowest eigenvalue, worst first: ``spring``, ``particles``, ``strain``, ``share``."""
         return self.data["culprits"]
 
     def to_html(self, path: str | os.PathLike[str] | None = None) -> str:
-        """A page with pictures, which loads nothing; written to ``path`` where one is given."""
+        """A self-contained page with pictures, also written to ``path`` if given."""
         page = self._native.html()
         if path is not None:
             with open(path, "w", encoding="utf-8") as file:
@@ -130,7 +130,7 @@ def inspect(
     dt : float, optional
         The step, in s; by default that of the scene file, or 0.01.
     stiffness : {"full", "tension", "axial"}
-        The option under which eigenvectors are examined; the figures are given for all three.
+        The option of the eigenvectors; other results are given for all three.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Any Jacobian against any force."""
+"""Checks of a Jacobian against a force."""
 
 from __future__ import annotations
 
@@ -16,45 +16,45 @@ from ._html import framed
 from ._state import State
 from ._system import System
 
-#: Coordinates from which columns are measured in groups unless it is asked otherwise.
+#: The number of coordinates from which columns are measured in groups by default.
 _LARGE = 200
 
 
 class Entry(NamedTuple):
-    """One entry of the Jacobian, and what was measured in its place."""
+    """One entry of the Jacobian and its measured value."""
 
     row: int
     column: int
-    #: The spring that it belongs to, where the springs were given.
+    #: Its spring, if the springs were given.
     spring: int | None
     #: The value under test.
     analytic: float
-    #: The measured one.
+    #: The measured value.
     numeric: float
-    #: The difference in words, such as ``"sign flipped"``.
+    #: A description of the difference, such as ``"sign flipped"``.
     verdict: str
 
 
 @dataclass(frozen=True)
 class JacobianCheck:
-    """What :func:`check_jacobian` found.
+    """The result of :func:`check_jacobian`.
 
     Attributes
     ----------
     passed : bool
-        Whether every entry agrees.
+        True if every entry agrees.
     compared, wrong : int
-        Numbers of entries.
+        The numbers of compared and of wrong entries.
     value : float
-        The largest difference as a multiple of what is allowed for its entry.
+        The largest difference relative to the tolerance of its entry.
     overall : str or None
-        What is wrong with the matrix as a whole, if one thing is: ``"sign flipped"``, ``"transposed"``, …
+        A single error of the whole matrix, if there is one: ``"sign flipped"``, ``"transposed"``, …
     worst : list of Entry
         The worst entries, worst first.
     numeric : scipy.sparse.csc_array
         The measured Jacobian.
     groups : int
-        Groups of columns; the force was evaluated 28 times for each.
+        The number of groups of columns, each with 28 force evaluations.
     """
 
     passed: bool
@@ -94,24 +94,23 @@ def check_jacobian(
     Parameters
     ----------
     force : callable
-        ``force(x)`` gives an array of as many numbers as ``x`` has, for ``x`` of the shape that is given here. Anything
-        that numpy can read will do, such as an array of JAX.
+        ``force(x)`` returns as many numbers as ``x`` has, for ``x`` of the given shape, in any form that numpy accepts, such as a
+        JAX array.
     jacobian : array_like, sparse matrix, or callable
-        ``d force_row / d x_column``, n × n for n coordinates; a callable is asked for it at ``x``.
+        ``d force_row / d x_column``, n × n for n coordinates; a callable is evaluated at ``x``.
     x : array_like
         The point.
     coloured : bool, optional
-        Whether columns without common rows in ``jacobian`` are measured together; by default from 200 coordinates on.
-        One by one no pattern is trusted; together an entry that ``jacobian`` lacks may be missed where another column
-        of the group stands in its row.
+        True to measure columns without common rows in ``jacobian`` together; default from 200 coordinates on. An entry missing
+        in ``jacobian`` may then go undetected if another column of the group has an entry in its row.
     length : float, optional
-        The distance over which the force changes noticeably; by default the spread of the coordinates.
+        The length scale of the force; by default the spread of the coordinates.
     tolerance : float
-        Relative difference that counts as agreement, beside what the measurement itself is unsure of.
+        The relative tolerance, in addition to the uncertainty of the measurement.
     springs : (System, State), optional
-        The springs behind the force, if ``x`` are their free coordinates: lets verdicts speak of springs.
+        The springs of the force, if ``x`` are their free coordinates; verdicts then name springs.
     name : str
-        For the report.
+        The name in the report.
 
     Returns
     -------
@@ -119,8 +118,8 @@ def check_jacobian(
 
     Notes
     -----
-    The force is evaluated 28 times for each group of columns: central differences with 14 steps, extrapolated, whose
-    spread is what the measurement is unsure of.
+    The force is evaluated 28 times for each group of columns: extrapolated central differences with 14 steps,
+    whose spread is the uncertainty.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The matrices of a step as scipy's types."""
+"""The matrices of a step as scipy types."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ._arrays import Floats
 
 
 class NotPositiveDefinite(np.linalg.LinAlgError):
-    """A matrix that was to be factored is not positive definite, or has a pivot of zero.
+    """A matrix to be factored is not positive definite, or has a zero pivot.
 
     Attributes
     ----------
@@ -35,15 +35,15 @@ class NotPositiveDefinite(np.linalg.LinAlgError):
 class Matrices:
     """The linear system ``A dx = b`` of a step, over the free coordinates ordered by particle, then axis.
 
-    The matrices are ``scipy.sparse.csc_array`` with both triangles, sorted. Each is copied once, when it is first asked
-    for; from then on it is the user's own, and may be changed.
+    The matrices are ``scipy.sparse.csc_array`` with both triangles, sorted. Each is copied on first
+    access and may then be modified.
 
     Attributes
     ----------
     dt : float
         The step, in s.
     stiffness : str
-        Which part of every spring's stiffness is in K and A.
+        The stiffness option of K and A.
     """
 
     def __init__(self, system: _native.System, given: Any, dt: float, stiffness: str) -> None:
@@ -56,7 +56,7 @@ class Matrices:
 
     def _whole(self, matrix: str) -> sparse.csc_array:
         order, entries = self._native.order, self._native.entries(matrix)
-        # Memory of numpy's comes in large pages, which are there much sooner than small ones.
+        # numpy allocates large pages, which is faster.
         starts, rows, values = np.empty(order + 1, np.int32), np.empty(entries, np.int32), np.empty(entries)
         self._native.fill(matrix, starts, rows, values)
         whole = sparse.csc_array((values, rows, starts), shape=(order, order), copy=False)
@@ -86,7 +86,7 @@ class Matrices:
 
     @cached_property
     def b(self) -> Floats:
-        """The right-hand side, in N, with the prescribed motion moved to it."""
+        """The right-hand side, in N, including the prescribed motion."""
         return self._native.b()
 
     @cached_property
@@ -95,17 +95,17 @@ class Matrices:
         return _arrays.dofs(*self._system.dofs)
 
     def operator(self, matrix: str = "A") -> LinearOperator:
-        """The same matrix known by its products spring by spring: ``"A"``, ``"M"``, ``"G"`` or ``"K"``."""
+        """A matrix-free operator: ``"A"``, ``"M"``, ``"G"`` or ``"K"``."""
         return linear_operator(self._system, self._given, self.dt, self.stiffness, matrix)
 
     def factor(self, kind: str = "llt") -> Factor:
-        """Factor A as it was assembled, whatever was done to the array since.
+        """Factor the assembled A; modifications of the array are ignored.
 
         Parameters
         ----------
         kind : {"llt", "ldlt"}
             Sparse Cholesky, which exists if and only if A is positive definite, or LDL^T without pivoting, which
-            takes an indefinite A; check the residual then.
+            accepts an indefinite A; check the residual then.
 
         Raises
         ------
@@ -133,12 +133,12 @@ class Factor:
 
     @property
     def entries(self) -> int:
-        """Stored values of L, the zeros inside supernodes included."""
+        """The number of stored values of L, including zeros in supernodes."""
         return self._native.entries
 
     @property
     def shape(self) -> tuple[int, int]:
-        """That of A."""
+        """The shape of A."""
         return self._native.order, self._native.order
 
     def solve(self, b: ArrayLike) -> Floats:
@@ -155,7 +155,7 @@ class Factor:
         return self._native.solve(columns).T.reshape(array.shape)
 
     def operator(self) -> LinearOperator:
-        """``A**-1`` by its products: a preconditioner, or ``OPinv`` of an eigenvalue solver."""
+        """``A**-1`` as an operator: a preconditioner, or ``OPinv`` of an eigenvalue solver."""
         return LinearOperator(self.shape, matvec=self.solve, rmatvec=self.solve, matmat=self.solve, dtype=np.float64)
 
     def __repr__(self) -> str:
@@ -163,7 +163,7 @@ class Factor:
 
 
 def linear_operator(system: _native.System, given: Any, dt: float, stiffness: str, matrix: str) -> LinearOperator:
-    """A system's operator as scipy's."""
+    """A scipy operator of a system."""
     native = _native.operator(system, given, dt, stiffness, matrix)
     order = system.order
 

@@ -1,4 +1,4 @@
-"""The native half: arrays that have been checked in, arrays out."""
+"""The native module, which expects checked arrays."""
 
 from typing import Any, Callable
 

@@ -1,4 +1,4 @@
-"""What a run hands out."""
+"""Results of runs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _COLUMNS = ("kinetic", "elastic", "gravitational", "total", "work", "dissipated"
 
 
 class Result:
-    """A run: its frames, its energies, how wrong it is about, and what it took.
+    """A run: frames, energies, error estimate and work.
 
     Attributes
     ----------
@@ -35,10 +35,9 @@ class Result:
         In m and m/s.
     energies : dict of ndarray
         ``time`` and, in J, ``kinetic``, ``elastic``, ``gravitational`` and ``total``; ``work`` done by moving
-        constraints, ``dissipated`` by damping, and the ``imbalance`` that neither explains; at every record, of which
-        frames are every so many.
+        constraints, ``dissipated`` by damping, and the remaining ``imbalance``, at every record.
     summary : dict
-        What the command writes to ``summary.json``.
+        The content of ``summary.json``.
     """
 
     def __init__(self, system: System, handed: dict[str, Any]) -> None:
@@ -53,19 +52,19 @@ class Result:
 
     @property
     def status(self) -> str:
-        """``"completed"``; ``"interrupted"`` by a callback; ``"unconfirmed"``; of a run that broke down what broke it."""
+        """``"completed"``, ``"interrupted"`` by a callback, ``"unconfirmed"``, or the cause of a breakdown."""
         return self.summary["status"]
 
     @property
     def steps(self) -> int:
-        """Steps done."""
+        """The number of completed steps."""
         return self.summary["steps"]
 
     @property
     def error(self) -> float | None:
-        """About the relative position error at the end; ``None`` where nothing is known.
+        """The estimated relative position error at the end; ``None`` if unknown.
 
-        Right to about ten times where ``error_kind`` is ``"indicator"``; ``"confirmed"`` where independent runs agree.
+        It is accurate to about a factor of ten if ``error_kind`` is ``"indicator"``, and confirmed by another run if ``"confirmed"``.
         """
         return None if self.summary["error"] is None else self.summary["error"]["estimate"]
 
@@ -76,7 +75,7 @@ class Result:
 
     @property
     def warnings(self) -> list[str]:
-        """What makes the run doubtful, in words."""
+        """Reasons for doubt, as text."""
         return self.summary["warnings"]
 
     @property
@@ -90,7 +89,7 @@ class Result:
         return self.summary["work"]
 
     def at(self, times: ArrayLike) -> Floats:
-        """Positions at any times of the run, in m: cubic Hermite polynomials between frames, right to their distance**4.
+        """Positions at any times of the run, in m, by cubic Hermite interpolation of frames (fourth order).
 
         Parameters
         ----------
@@ -117,13 +116,13 @@ class Result:
         return CubicHermiteSpline(self.times[used], self.positions[used], self.velocities[used])(wanted)
 
     def to_html(self, path: str | os.PathLike[str] | None = None, limit: int = 38_000_000) -> str:
-        """A page that plays the motion in any browser, and loads nothing; written to ``path`` where one is given.
+        """A self-contained page that plays the motion in any browser, also written to ``path`` if given.
 
         Parameters
         ----------
         path : path-like, optional
         limit : int
-            Bytes that the frames may take; where they would take more, some are left out, and the page says so.
+            The maximum size of the frames, in bytes; beyond it frames are dropped, and the page says so.
         """
         energies = [(name, self.energies[name].tolist()) for name in _COLUMNS]
         page = _native.view(

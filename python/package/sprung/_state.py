@@ -1,4 +1,4 @@
-"""What changes while a system moves, and its energy."""
+"""States and their energies."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 from . import _arrays
 from ._arrays import Floats
 
-#: Positions, velocities and time as the native half takes and gives them.
+#: Positions, velocities and time for the native module.
 Given = tuple[Floats, Floats, float]
 
 
 class Energy(NamedTuple):
-    """The energy of a state by kind, in J."""
+    """The energies of a state, in J."""
 
     #: ``sum(m v**2 / 2)``, prescribed particles included.
     kinetic: float
@@ -26,21 +26,21 @@ class Energy(NamedTuple):
 
     @property
     def total(self) -> float:
-        """The sum of all kinds."""
+        """The total energy."""
         return self.kinetic + self.elastic + self.gravitational
 
 
 class State:
     """Positions and velocities of all particles at one time.
 
-    The arrays belong to numpy and may be changed; what computes with a state reads it and changes nothing.
+    The arrays may be modified. Computations do not change a state.
 
     Parameters
     ----------
     positions : array_like, shape (particles, dimension)
         In m.
     velocities : array_like, shape (particles, dimension), optional
-        In m/s; at rest where it is absent.
+        In m/s; default zero.
     time : float
         In s.
     """
@@ -70,7 +70,7 @@ class State:
         )
 
     def copy(self) -> State:
-        """A state of its own."""
+        """A copy."""
         positions, velocities, time = self._given()
         return State._of((positions.copy(), velocities.copy(), time))
 

@@ -16,28 +16,28 @@ from ._system import System
 
 
 class Stepper:
-    """A system in motion: a state, and the method that leads on from it.
+    """A system in motion: a state and a time stepping method.
 
     Parameters
     ----------
     system : System
     state : State, optional
-        Where to start; by default the system's initial state. It is copied.
+        The initial state, which is copied; default that of the system.
     method : str, optional
         ``"linear-backward-euler"``, ``"backward-euler"``, ``"bdf2"``, ``"w2"``, ``"rodas4"``,
         ``"implicit-midpoint"``, ``"verlet"``, ``"dop853"``, ``"forward-euler"``, ``"symplectic-euler"``, or ``"auto"``.
-        By default what the command takes: ``"linear-backward-euler"`` for steps of a given length, ``"rodas4"`` for
-        adaptive ones, a choice of its own for a required accuracy.
+        The defaults are those of the command: ``"linear-backward-euler"`` for fixed steps, ``"rodas4"`` for adaptive ones, and an
+        automatic choice for a required accuracy.
     stiffness : {"on-demand", "full", "tension", "axial"}, optional
-        Which part of every spring's stiffness enters the matrix; forces are never changed.
+        The terms of the stiffness that enter the matrix; forces do not depend on it.
     solver : {"auto", "llt", "ldlt", "cg", "cg-assembled"}, optional
     preconditioner : {"auto", "none", "jacobi", "block-jacobi", "multigrid"}, optional
     tolerance : float, optional
-        Conjugate gradients stop at ``|b - A dx| <= tolerance |b|``; 1e-10.
+        Conjugate gradients stop at ``|b - A dx| <= tolerance |b|``; default 1e-10.
 
     Notes
     -----
-    Results have the same bits as those of the command ``sprung run``, for any number of threads.
+    Results have the same bits as those of ``sprung run``, for any number of threads.
 
     Examples
     --------
@@ -67,7 +67,7 @@ class Stepper:
 
     @property
     def state(self) -> State:
-        """A copy of the state that the stepper has come to; assigning one goes on from there."""
+        """A copy of the current state; assign a state to continue from there."""
         return State._of(self._native.state())
 
     @state.setter
@@ -76,18 +76,18 @@ class Stepper:
 
     @property
     def statistics(self) -> dict[str, Any]:
-        """Work and residuals of all single steps so far."""
+        """Work and residuals of all single steps."""
         return json.loads(self._native.statistics())
 
     def step(self, dt: float) -> None:
-        """One step of ``dt`` seconds.
+        """Take one step of ``dt`` seconds.
 
-        The method keeps its memory from step to step, such as a factorization or older states.
+        The method keeps its history between steps, such as a factorization or earlier states.
 
         Raises
         ------
         Breakdown
-            When the step cannot be done; the state is then as it was.
+            If the step fails; the state does not change.
         """
         failed = self._native.step(_arrays.positive("dt", dt))
         if failed is not None:
@@ -107,30 +107,28 @@ class Stepper:
         differentiable: bool = False,
         checkpoints: int | None = None,
     ) -> Any:
-        """Run from the state for a time, and leave the stepper at its end.
+        """Run from the current state, and keep the final one.
 
-        The method begins anew, as that of a run of the command does.
+        The method restarts, as in a run of the command.
 
         Parameters
         ----------
         duration : float
-            In s; the run ends exactly there, with a shorter last step where ``dt`` does not divide it.
+            In s; the last step is shorter if ``dt`` does not divide it.
         dt : float, optional
-            Length of the steps, in s; with ``rtol`` the first step to try, and the interval of records, which lie
-            between the method's own steps (dense output). With neither, steps are adaptive with ``rtol=1e-2``, and
-            there are 300 records, whatever the duration.
+            The step, in s; with ``rtol`` the first step and the interval of records (dense output). Without ``dt`` and ``rtol``,
+            steps are adaptive with ``rtol=1e-2``, and there are 300 records.
         rtol : float, optional
-            Adaptive steps whose local errors are so small that positions at the end are wrong by about ``rtol`` times
-            their distance from their centroid. For ``"bdf2"``, ``"w2"``, ``"rodas4"`` and ``"dop853"``.
+            The tolerance of adaptive steps: the relative position error at the end is about ``rtol``. For ``"bdf2"``, ``"w2"``, ``"rodas4"`` and ``"dop853"``.
         accuracy : float, optional
-            Runs are made until two that could disagree agree to this relative position error; the last is the answer.
+            The required relative position error at the end, confirmed by a second run.
         callback : callable, optional
-            Called as ``callback(number, state)`` at every frame, in this thread; it may raise ``StopIteration`` to end
-            the run in order. Not with ``accuracy``, which makes several runs.
+            Called as ``callback(number, state)`` at every frame, in this thread; raise ``StopIteration`` to end the run. Not with
+            ``accuracy``, which makes several runs.
         every : int
-            A frame is kept of every so many records, beside the first and the last state.
+            The number of records per frame; the first and the last state are always frames.
         allow_unstable : bool
-            Go on where energy appears from nowhere.
+            Continue if energy appears without cause.
         differentiable : bool
             Keep what gradients through the run need, and return a :class:`DifferentiableRun`: for methods
             ``"backward-euler"``, ``"implicit-midpoint"``, ``"bdf2"`` and ``"verlet"`` with steps ``dt``. Steps are
@@ -147,15 +145,14 @@ class Stepper:
         Raises
         ------
         Breakdown
-            When the run does not come to its end; ``result`` has what came before, and the stepper is at the last
-            good state.
+            If the run breaks down; ``result`` contains the motion before, and the stepper has the last good state.
         KeyboardInterrupt
-            On Ctrl-C; the stepper is then at the state of the last step, or with ``accuracy`` where it was.
+            On Ctrl-C; the stepper then has the state of the last step, or with ``accuracy`` its previous one.
 
         Warns
         -----
         DoubtWarning
-            Where the run itself finds that it may be wrong, or that an accuracy could not be confirmed.
+            If the run is doubtful, or an accuracy could not be confirmed.
         """
         if differentiable:
             if rtol is not None or accuracy is not None or callback is not None:

@@ -1,4 +1,4 @@
-"""Mass-spring systems: from arrays, from files, ready ones; what is asked of a state."""
+"""Mass-spring systems, and their forces, energies and matrices at a state."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ._matrices import Factor, Matrices, linear_operator
 from ._state import Energy, Given, State
 
 
-#: The edges of cells, by the names that meshio has for them.
+#: The edges of cells by their meshio names.
 _EDGES = {
     "line": [(0, 1)],
     "triangle": [(0, 1), (1, 2), (2, 0)],
@@ -33,9 +33,7 @@ _EDGES = {
 
 
 class System:
-    """A mass-spring system: everything that does not change while it moves.
-
-    Every value is checked; a system is valid by construction.
+    """An immutable mass-spring system, valid by construction.
 
     Parameters
     ----------
@@ -48,21 +46,21 @@ class System:
     stiffness : float or array_like, shape (springs,)
         k in N, the force per unit strain: ``f = k (l/l0 - 1)``; in N/m, ``f = k l``, where the rest length is zero.
     rest_lengths : float or array_like, shape (springs,), optional
-        l0 in m, zero too; absent: the initial distances.
+        l0 in m, not negative; default: the initial distances.
     damping : float or array_like, shape (springs,)
         In N s/m, along the spring.
     velocities : array_like, shape (particles, dimension), optional
-        ``v(0)`` in m/s; absent: at rest.
+        ``v(0)`` in m/s; default: at rest.
     gravity : array_like, shape (dimension,), optional
-        An acceleration, in m/s**2; absent: none.
+        The gravitational acceleration, in m/s**2; default: none.
     constraints : iterable of Constraint or mapping
-        Kinematic particles; mappings have the keys of a scene file.
+        Kinematic constraints; mappings have the keys of a scene file.
     forces : iterable of ExternalForce or callable
-        Forces from outside, see :class:`ExternalForce`; a callable is one without derivatives.
+        External forces, see :class:`ExternalForce`; a callable is a force without derivatives.
     spring_law : callable, optional
         The law of all springs in place of ``T = k (l/l0 - 1)``, see :meth:`with_spring_law`.
     name : str
-        For reports.
+        The name in reports.
 
     Raises
     ------
@@ -145,21 +143,21 @@ class System:
 
     @classmethod
     def from_meshio(cls, mesh: str | os.PathLike[str] | Any, *, masses: ArrayLike, **parameters: Any) -> System:
-        """Any mesh that the package ``meshio`` reads: points become particles, each edge of a cell once becomes a spring.
+        """A system from a mesh of the package ``meshio``: points become particles, and each edge of a cell becomes one spring.
 
         Parameters
         ----------
         mesh : path-like or meshio.Mesh
-            Its lines, triangles, quadrilaterals, polygons, tetrahedra, pyramids, wedges and hexahedra count; vertices are passed over.
+            Lines, triangles, quadrilaterals, polygons, tetrahedra, pyramids, wedges and hexahedra are supported; vertices are ignored.
         masses, **parameters
-            As of the class.
+            As for the class.
 
         Raises
         ------
         ImportError
-            For a path, where ``meshio`` is not installed.
+            For a path, if ``meshio`` is not installed.
         ValueError
-            For cells with curved edges, which are not read, and for values that break a rule.
+            For cells with curved edges, and for invalid values.
         """
         name = "the mesh"
         if isinstance(mesh, (str, os.PathLike)):
@@ -194,46 +192,44 @@ class System:
         ----------
         kind : {"chain", "cloth", "lattice", "column", "pendulum", "string", "network"}
         size : int, optional
-            Particles along a side, links, joints or bobs; absent: one that shows what the kind is about. They are as
-            far apart as ever: a larger size makes a larger scene.
+            Particles along a side, links, joints or bobs, at a constant distance: a larger size makes a larger scene.
         refine : bool
-            Keep the extent, the mass and the elasticity of the scene of the default size, and make its mesh finer.
+            Keep extent, mass and elasticity of the default size, and refine the mesh.
         """
         if size is not None and (isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 1):
             raise ValueError(f"size = {size!r}: must be a positive integer")
         return cls._of(_native.System.ready(kind, size, bool(refine)))
 
     def with_forces(self, *forces: ExternalForce | Callable[..., Any]) -> System:
-        """The same system with more forces from outside, each an :class:`ExternalForce` or a function of positions, velocities and time.
+        """The system with more external forces, each an :class:`ExternalForce` or a function of positions, velocities and time.
 
-        Of a system with functions all is as of any other, but that it cannot be written to a scene file, and that :func:`verify`
-        leaves them out.
+        A system with functions cannot be written to a scene file, and :func:`verify` ignores them.
         """
         shape = (len(self.masses), self.dimension)
         given = _functions.forces(forces, self._forces, *shape)
         return self._of(self._native.with_functions(given, None), self._forces + len(given))
 
     def with_spring_law(self, law: Callable[..., Any]) -> System:
-        """The same system with another law for all its springs, in place of ``T = k (l/l0 - 1)``; their damping stays.
+        """The system with another law for all its springs in place of ``T = k (l/l0 - 1)``; damping does not change.
 
         Parameters
         ----------
         law : callable
-            ``law(lengths, rest_lengths, stiffness)``, called once for all springs with arrays of one entry for each, in m, m and N, gives
-            ``(tension, slope)`` or ``(tension, slope, energy)`` of as many entries: the tension T, in N, positive where the spring pulls
-            its ends together; its slope dT/dl, in N/m; and what the spring stores, the integral of T from the rest length, in J.
+            ``law(lengths, rest_lengths, stiffness)``, called once for all springs with arrays in m, m and N, returns ``(tension, slope)`` or
+            ``(tension, slope, energy)``: the tension T, in N, positive where the spring pulls its ends together; its slope dT/dl, in
+            N/m; and the stored energy, the integral of T from the rest length, in J.
 
-            Without an energy it is integrated by Gauss's rule with twelve nodes, each of which takes a call: to rounding of a smooth
-            tension, to about 1 % where it has kinks between the rest length and the length.
+            Without an energy it is integrated by Gauss's rule with twelve nodes, one call each: to rounding for a smooth tension, to
+            about 1 % if it has kinks between the rest length and the length.
 
         Notes
         -----
-        Where a slope is not positive the matrix has a billionth of ``k/l0`` in its place, so that it is that of a convex law; forces stay
-        exact. Exceptions and wrong arrays are as of an :class:`ExternalForce`.
+        Where a slope is not positive the matrix uses 1e-9 ``k/l0``; forces stay exact. Exceptions and wrong arrays are treated as for an
+        :class:`ExternalForce`.
 
         Examples
         --------
-        A bungee, which does not push and stiffens as it is stretched:
+        A bungee that exerts no force under compression and stiffens under tension:
 
         >>> import numpy as np
         >>> import sprung
@@ -249,7 +245,7 @@ class System:
         return self._of(self._native.with_functions([], given), self._forces)
 
     def to_toml(self, state: State | None = None) -> str:
-        """The system as a scene file that starts at a state, by default the initial one."""
+        """The system as a TOML scene file that starts at a state, by default the initial one."""
         return self._native.write(self._given(state), "toml")
 
     def to_json(self, state: State | None = None) -> str:
@@ -259,14 +255,13 @@ class System:
     def save(self, path: str | os.PathLike[str], state: State | None = None) -> None:
         """Write a scene file for the command ``sprung`` or :meth:`load`: TOML, JSON or NumPy arrays by its extension.
 
-        Files of arrays (``.npz``) are read and written at the speed of the disk. The file is replaced only when the new
-        one is complete.
+        The file is replaced only when the new one is complete.
         """
         self._native.save(self._given(state), os.fspath(path))
 
     @property
     def name(self) -> str:
-        """The scene's name."""
+        """The name of the scene."""
         return self._native.name
 
     @property
@@ -276,7 +271,7 @@ class System:
 
     @cached_property
     def masses(self) -> Floats:
-        """Mass of every particle, in kg. A copy, as all arrays of a system are."""
+        """The mass of every particle, in kg. All arrays of a system are copies."""
         return self._native.masses
 
     @cached_property
@@ -310,7 +305,7 @@ class System:
 
     @property
     def time_settings(self) -> tuple[float | None, float | None]:
-        """``time.dt`` and ``time.duration`` of the scene file, in s, where it has them."""
+        """``time.dt`` and ``time.duration`` of the scene file, in s, or ``None``."""
         return self._native.time
 
     @cached_property
@@ -319,7 +314,7 @@ class System:
         return _arrays.dofs(*self._native.dofs)
 
     def initial_state(self) -> State:
-        """The state that the system starts from, to be changed as one likes."""
+        """A copy of the initial state."""
         return State._of(self._native.start())
 
     def _given(self, state: State | None) -> Given:
@@ -348,7 +343,7 @@ class System:
         state : State, optional
             By default the initial one.
         kind : {"all", "elastic", "damping", "weight", "external"}
-            Of springs and their damping, of gravity, of loads, drag and the :class:`ExternalForce` of the system, or of all together.
+            Elastic or damping forces of springs, weight, or external forces (loads, drag and :class:`ExternalForce`).
 
         Returns
         -------
@@ -361,10 +356,9 @@ class System:
         return Energy(*self._native.energy(self._given(state)))
 
     def reactions(self, state: State | None = None) -> Floats:
-        """The forces with which constraints act on particles at a state, by default the initial one, in N.
+        """The constraint forces on particles at a state, by default the initial one, in N.
 
-        Along every prescribed coordinate ``m a - (f_el + f_d + m g)`` with a = 0, as prescribed motions are straight between the
-        kinks of their paths; zero along free coordinates.
+        ``m a - (f_el + f_d + m g + f_ext)`` along prescribed coordinates, with a = 0 between the kinks of paths; zero along free ones.
 
         Returns
         -------
@@ -373,7 +367,7 @@ class System:
         return self._native.reactions(self._given(state))
 
     def matrices(self, state: State | None = None, dt: float | None = None, stiffness: str = "full") -> Matrices:
-        """Everything of the linear system ``A dx = b`` of a step, over the free coordinates.
+        """The linear system ``A dx = b`` of a step over the free coordinates.
 
         Parameters
         ----------
@@ -382,8 +376,8 @@ class System:
         dt : float
             The step, in s; by default that of the scene file, or 0.01.
         stiffness : {"full", "tension", "axial"}
-            Which part of every spring's stiffness enters K and A: all of it, without the transverse terms of
-            compressed springs, or without any transverse terms.
+            The stiffness in K and A: exact, without the transverse terms of compressed springs, or without any transverse
+            terms.
 
         Returns
         -------
@@ -391,15 +385,15 @@ class System:
 
         Notes
         -----
-        ``A = M/dt**2 - G/dt - K``, ``b = M v/dt + M gravity + f_elastic - A_fc dx_c``, with the prescribed motion moved
-        to the right-hand side.
+        ``A = M/dt**2 - G/dt - K``, ``b = M v/dt + M gravity + f_elastic - A_fc dx_c``, including the
+        prescribed motion.
         """
         return Matrices(self._native, self._given(state), self._step(dt), stiffness)
 
     def operator(
         self, state: State | None = None, dt: float | None = None, stiffness: str = "full", matrix: str = "A"
     ) -> LinearOperator:
-        """Products with A, M, G or K spring by spring, without a matrix.
+        """A matrix-free operator of A, M, G or K.
 
         Parameters
         ----------
@@ -412,7 +406,7 @@ class System:
     def factor(
         self, state: State | None = None, dt: float | None = None, stiffness: str = "full", kind: str = "llt"
     ) -> Factor:
-        """A, factored; see :meth:`Matrices.factor`."""
+        """A factorization of A; see :meth:`Matrices.factor`."""
         return self.matrices(state, dt, stiffness).factor(kind)
 
     def _step(self, dt: float | None) -> float:

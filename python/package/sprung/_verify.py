@@ -13,18 +13,18 @@ from ._system import System
 
 
 class Verification:
-    """Every check that applies to a system, each a measured value held to a bound.
+    """All checks that apply to a system, each a measured value with a bound.
 
     Attributes
     ----------
     passed, failed : int
-        Numbers of checks.
+        The numbers of checks.
     checks : list of dict
-        ``name``, ``claim``, ``value``, ``bound``, ``passed`` and ``why`` the bound is what it is.
+        ``name``, ``claim``, ``value``, ``bound``, ``passed`` and ``why``, the reason for the bound.
     not_judged : list of dict
-        ``name``, ``claim`` and ``why``: what the numbers of this system do not allow to be judged, with the reason.
+        ``name``, ``claim`` and ``why``: checks that rounding does not allow on this system, with the reason.
     dt : float
-        The step with which the system was checked, in s.
+        The step of the checks, in s.
     """
 
     def __init__(self, handed: dict[str, Any]) -> None:
@@ -46,7 +46,7 @@ class Verification:
         return self.failed == 0
 
     def to_html(self, path: str | os.PathLike[str] | None = None) -> str:
-        """The report as a page, which loads nothing; written to ``path`` where one is given."""
+        """The report as a self-contained page, also written to ``path`` if given."""
         if path is not None:
             with open(path, "w", encoding="utf-8") as file:
                 file.write(self._html)
@@ -63,13 +63,13 @@ class Verification:
 
 
 def verify(system: System, dt: float | None = None, state: State | None = None) -> Verification:
-    """Hold forces to their energy, matrices to the forces, steps to their equations, methods to their order.
+    """Check forces against energies, matrices against forces, steps against their equations, and methods against their order.
 
     Parameters
     ----------
     system : System
     dt : float, optional
-        The step, in s; by default that of the scene file, or one that resolves every vibration.
+        The step, in s; default that of the scene file, or one that resolves every vibration.
     state : State, optional
         By default the initial one.
     """

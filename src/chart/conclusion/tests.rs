@@ -1,19 +1,19 @@
 //! A table made up by hand, and everything that can be read off it: decisions, sentences, pictures.
 
-use super::{called, crossing, flat, growth, spread, times};
-use crate::chart::digits::short;
-use crate::chart::{Decision, Figure, Quality, Reference, Run, SizeRun, WorkPrecision, best_of_each, curves, tail};
+use super::{called, flat, spread, times};
+use crate::chart::decision::short;
+use crate::chart::{Decision, Figure, Quality, Reference, Run, WorkPrecision, best_of_each, curves, tail};
 use crate::figure::{Guide, Series};
 use crate::integrate::Status;
 use crate::system::State;
 use crate::work::Work;
 
-type Way = (&'static str, &'static str, &'static str);
+type Configuration = (&'static str, &'static str, &'static str);
 
 const EULER: &str = "linear-backward-euler";
 
 /// A run; its time is a microsecond for every unit of its cost, it solves once for every ten, and drifts as much as it errs.
-fn run((method, stiffness, solver): Way, dt: f64, cost: f64, error: Option<f64>) -> Run {
+fn run((method, stiffness, solver): Configuration, dt: f64, cost: f64, error: Option<f64>) -> Run {
     let quality = error.map(|error| Quality {
         error,
         energy_drift: -error,
@@ -42,20 +42,15 @@ fn adaptive(rtol: f64, dt: f64, cost: f64, error: f64) -> Run {
     Run { rtol: Some(rtol), ..run(("w2", "on-demand", "llt"), dt, cost, Some(error)) }
 }
 
-fn tolerance(method: &'static str, tolerance: f64, iterations: u64, error: f64) -> Run {
-    let work = Work { cg_iterations: iterations, ..Work::default() };
-    Run { tolerance: Some(tolerance), work, ..run((method, "on-demand", "cg"), 0.04, 1.0, Some(error)) }
-}
-
-fn size(kind: &'static str, solver: &'static str, dofs: usize, seconds_per_step: f64) -> SizeRun {
-    SizeRun { kind, dofs, solver, seconds_per_step, setup_seconds: 0.0, work: Work::default(), steps: 4 }
+fn tolerance(method: &'static str, tolerance: f64, error: f64) -> Run {
+    Run { tolerance: Some(tolerance), ..run((method, "on-demand", "cg"), 0.04, 1.0, Some(error)) }
 }
 
 /// Two configurations of Euler's method, two ways of w2, an explicit method that is slow and fails with long steps, one that succeeds once,
 /// and one that never does.
 fn chart() -> WorkPrecision {
-    let fixed = |way: Way, rows: &[(f64, f64, Option<f64>)]| {
-        rows.iter().map(|&(dt, cost, error)| run(way, dt, cost, error)).collect::<Vec<_>>()
+    let fixed = |configuration: Configuration, rows: &[(f64, f64, Option<f64>)]| {
+        rows.iter().map(|&(dt, cost, error)| run(configuration, dt, cost, error)).collect::<Vec<_>>()
     };
     let mut explicit = fixed(
         ("symplectic-euler", "none", "none"),
@@ -88,22 +83,11 @@ fn chart() -> WorkPrecision {
         reference: Reference { method: "made up".into(), error_estimate: 1e-7, state },
         runs: runs.concat(),
         tolerances: vec![
-            tolerance(EULER, 1e-2, 10, 0.05),
-            tolerance(EULER, 1e-4, 30, 0.041),
-            tolerance(EULER, 1e-6, 40, 0.04),
-            tolerance("w2", 1e-2, 5, 0.02),
-            tolerance("w2", 1e-4, 15, 0.02),
-        ],
-        sizes: vec![
-            size("cloth", "llt", 100, 1.0),
-            size("cloth", "llt", 200, 4.0),
-            size("cloth", "cg", 100, 2.0),
-            size("cloth", "cg", 200, 3.0),
-            size("cloth", "cg-assembled", 200, 5.0),
-            size("lattice", "llt", 50, 1.0),
-            size("lattice", "llt", 80, 2.0),
-            size("lattice", "cg", 50, 0.5),
-            size("lattice", "cg", 80, 2.0),
+            tolerance(EULER, 1e-2, 0.05),
+            tolerance(EULER, 1e-4, 0.041),
+            tolerance(EULER, 1e-6, 0.04),
+            tolerance("w2", 1e-2, 0.02),
+            tolerance("w2", 1e-4, 0.02),
         ],
     }
 }
@@ -202,12 +186,6 @@ fn pictures_say_what_they_show() {
                 "tolerance-error",
                 "The tolerance adds less than a tenth to the error of linear-backward-euler up to 1.0e-4, of w2 up to 0.01."
             ),
-            (
-                "tolerance-work",
-                "From the loosest tolerance to the tightest iterations grow 4 times with linear-backward-euler, 3 times with w2."
-            ),
-            ("sizes-cloth", "Conjugate gradients are faster from 200 degrees of freedom on."),
-            ("sizes-lattice", "Sparse Cholesky is as fast or faster up to 80 degrees of freedom."),
         ]
     );
     let figure = |name: &str| figures.iter().find(|figure| figure.name == name).unwrap();
@@ -219,7 +197,6 @@ fn pictures_say_what_they_show() {
     assert_eq!(series("error", "w2, adaptive (on-demand)"), [(0.04, 0.03), (0.02, 0.004)]);
     assert_eq!(series("options-euler", "full, llt"), [(0.08, 100.0), (0.04, 200.0), (0.009, 400.0)]);
     assert_eq!(series("energy", "w2 (tension)"), [(0.1, 0.02), (0.05, 0.005), (0.025, 0.00125)]);
-    assert_eq!(series("sizes-cloth", "cg"), [(100.0, 2.0), (200.0, 3.0)]);
     // What needs no linear solves is not in the picture of these.
     assert!(series("solves", "symplectic-euler").is_empty());
     // Failures by cause at what they cost, or at their step, in the colour of their method.
@@ -254,8 +231,12 @@ fn pictures_say_what_they_show() {
 #[test]
 fn guides_pass_where_the_points_are() {
     let mut chart = chart();
-    let way = (EULER, "full", "llt");
-    chart.runs = vec![run(way, 0.1, 10.0, Some(0.25)), run(way, 0.05, 1000.0, Some(0.01)), run(way, 0.2, 7.0, None)];
+    let configuration = (EULER, "full", "llt");
+    chart.runs = vec![
+        run(configuration, 0.1, 10.0, Some(0.25)),
+        run(configuration, 0.05, 1000.0, Some(0.01)),
+        run(configuration, 0.2, 7.0, None),
+    ];
     let figures = chart.figures();
     let guides = |name: &str| {
         let figure = figures.iter().find(|figure| figure.name == name).unwrap();
@@ -277,8 +258,8 @@ fn guides_pass_where_the_points_are() {
     near(guides("work"), [-1.0, -0.5], [0.05, 100.0]);
     near(guides("error"), [1.0, 2.0], [0.005_f64.sqrt(), 0.05]);
     // What has no place on logarithmic axes does not move them, and is not drawn: an error of zero, a failure that cost nothing.
-    chart.runs.push(run(way, 0.025, 2000.0, Some(0.0)));
-    chart.runs.push(run(way, 0.4, 0.0, None));
+    chart.runs.push(run(configuration, 0.025, 2000.0, Some(0.0)));
+    chart.runs.push(run(configuration, 0.4, 0.0, None));
     let with_zeros = chart.figures();
     assert_eq!(with_zeros[1].plot.guides, figures[1].plot.guides);
     let failures = |figures: &[Figure]| figures[1].plot.series.iter().filter(|series| series.like.is_some()).count();
@@ -293,17 +274,16 @@ fn guides_pass_where_the_points_are() {
     // Nothing to see: no pictures.
     chart.runs.clear();
     chart.tolerances.clear();
-    chart.sizes.clear();
     assert!(chart.figures().is_empty());
 }
 
 /// From short steps up, as long as errors rise; one run alone is confirmed by nothing, and below the floor errors are not told apart.
 #[test]
 fn tails_end_where_a_finer_run_is_worse() {
-    let way = (EULER, "full", "llt");
+    let configuration = (EULER, "full", "llt");
     let steps = |errors: &[Option<f64>], floor: f64| {
         let rows = errors.iter().zip([0.4, 0.2, 0.1, 0.05]);
-        let runs: Vec<Run> = rows.map(|(&error, dt)| run(way, dt, 1.0 / dt, error)).collect();
+        let runs: Vec<Run> = rows.map(|(&error, dt)| run(configuration, dt, 1.0 / dt, error)).collect();
         tail(&curves(&runs)[0], floor).iter().map(|run| run.dt).collect::<Vec<_>>()
     };
     assert_eq!(steps(&[Some(0.4), Some(0.3), Some(0.2), Some(0.1)], 0.0), [0.05, 0.1, 0.2, 0.4]);
@@ -326,7 +306,7 @@ fn every_failure_has_a_cause() {
     }
 }
 
-/// Of each method the configuration whose cost times the root of its error is least anywhere in its tail.
+/// The best configuration of a method is the one whose cost times the root of its error is least anywhere in its tail.
 #[test]
 fn the_best_configuration_costs_least_for_its_error() {
     let chart = chart();
@@ -343,8 +323,8 @@ fn the_best_configuration_costs_least_for_its_error() {
     assert_eq!(names, expected);
     // 10 √½ = 7.1 and 12 √0.01 = 1.2 on the shorter steps, in either order; of equal ones the first.
     let rows = |stiffness: &'static str, cost: f64, error: f64| {
-        let way = (EULER, stiffness, "llt");
-        vec![run(way, 0.2, 100.0 * cost, Some(1.5 * error)), run(way, 0.1, cost, Some(error))]
+        let configuration = (EULER, stiffness, "llt");
+        vec![run(configuration, 0.2, 100.0 * cost, Some(1.5 * error)), run(configuration, 0.1, cost, Some(error))]
     };
     for (first, second, expected) in [
         (rows("full", 10.0, 0.5), rows("axial", 12.0, 0.01), "axial"),
@@ -370,9 +350,7 @@ fn what_is_not_drawn_is_said() {
 
 #[test]
 fn nothing_drawn_says_nothing() {
-    assert!([spread(&[]), flat(&[]), growth(&[]), crossing(&[])].iter().all(Option::is_none));
-    let alone = [Series::line("llt", vec![(10.0, 1.0)])];
-    assert_eq!(crossing(&alone), None);
+    assert!([spread(&[]), flat(&[])].iter().all(Option::is_none));
     assert_eq!((times(1.0), times(1.004), times(1.006)), ("the same".into(), "the same".into(), "1.01 times".into()));
 }
 

@@ -8,7 +8,7 @@ use crate::spring::Spring;
 use crate::system::{State, System, SystemBuilder};
 use serde::Serialize;
 
-/// What failed first in a run; where several things fail in one step, the first in this order.
+/// The first failure of a run; where several things fail in one step, the first in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TileVerdict {
@@ -43,7 +43,7 @@ impl TileVerdict {
         Self::Stretched,
     ];
 
-    /// Of a step that failed in this way.
+    /// The verdict on a step that failed in this way.
     pub(super) fn of_failure(status: Status) -> Self {
         match status {
             Status::Indefinite => Self::Indefinite,
@@ -70,7 +70,7 @@ impl TileVerdict {
 /// Enough steps for a growth of 0.35 % a step to multiply the energy by a thousand.
 const STEPS: usize = 2000;
 
-/// What is left of the energy when the motion counts as damped away: growth would have to begin from nothing.
+/// The part of the energy left when the motion counts as damped away: growth would have to begin from nothing.
 const DAMPED: f64 = 1e-9;
 
 /// The particle starts this far off its place of rest, in units of l0, half along the springs and half across: small enough

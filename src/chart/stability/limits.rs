@@ -30,7 +30,7 @@ use nalgebra::Complex;
 use serde::Serialize;
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// What theory says about a run of the model.
+/// The prediction of theory for a run of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Prediction {
     /// Nothing fails.
@@ -131,7 +131,7 @@ pub fn limits(method: Method, policy: StiffnessPolicy, stretch: f64, damping_rat
     limits
 }
 
-/// What theory predicts; `Silent` within a factor `margin` of a limit, where rounding and the finite number of steps decide.
+/// The prediction of theory; `Silent` within a factor `margin` of a limit, where rounding and the finite number of steps decide.
 pub fn prediction(
     method: Method,
     policy: StiffnessPolicy,

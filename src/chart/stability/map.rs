@@ -1,4 +1,4 @@
-//! The map: an experiment in every cell, compared with what theory predicts there.
+//! The map: an experiment in every cell, compared with what theory predicts there, and its pictures.
 
 use super::experiment::{TileVerdict, experiment};
 use super::limits::{Limit, Prediction, limits, prediction};
@@ -6,6 +6,7 @@ use super::turning;
 use crate::accuracy::Configuration;
 use crate::chart::{Deadline, Progress, configurations};
 use crate::error::Result;
+use crate::figure::{self, Series, Tiles};
 use crate::integrate::{Method, StiffnessPolicy};
 use crate::interrupt::Interrupt;
 use crate::linear::SolverChoice;
@@ -15,7 +16,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// What the rows of a tile stand for.
+/// The quantity of the rows of a tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Varied {
@@ -27,11 +28,8 @@ pub enum Varied {
     Turning,
 }
 
-/// Stretch of the springs over damping.
-const STRETCHED: f64 = 2.0;
-
 impl Varied {
-    /// What the rows stand for, in a word.
+    /// The quantity, in a word.
     pub fn name(self) -> &'static str {
         match self {
             Self::Stretch => "stretch",
@@ -43,7 +41,7 @@ impl Varied {
     fn experiment(self, configuration: &Configuration, z: f64, row: f64) -> Result<TileVerdict> {
         match self {
             Self::Stretch => experiment(configuration, z, row, 0.0),
-            Self::Damping => experiment(configuration, z, STRETCHED, row),
+            Self::Damping => experiment(configuration, z, 2.0, row),
             Self::Turning => turning::experiment(configuration, z, row),
         }
     }
@@ -51,7 +49,7 @@ impl Varied {
     fn limits(self, method: Method, policy: StiffnessPolicy, row: f64) -> Vec<Limit> {
         match self {
             Self::Stretch => limits(method, policy, row, 0.0),
-            Self::Damping => limits(method, policy, STRETCHED, row),
+            Self::Damping => limits(method, policy, 2.0, row),
             Self::Turning => turning::limits(method, policy, row),
         }
     }
@@ -59,7 +57,7 @@ impl Varied {
     fn prediction(self, method: Method, policy: StiffnessPolicy, z: f64, row: f64, margin: f64) -> Prediction {
         match self {
             Self::Stretch => prediction(method, policy, z, row, 0.0, margin),
-            Self::Damping => prediction(method, policy, z, STRETCHED, row, margin),
+            Self::Damping => prediction(method, policy, z, 2.0, row, margin),
             Self::Turning => turning::prediction(method, policy, z, row, margin),
         }
     }
@@ -72,7 +70,7 @@ pub struct Tile {
     pub method: &'static str,
     /// The stiffness policy's name; `none` for a method without matrices.
     pub stiffness: &'static str,
-    /// What the rows stand for.
+    /// The quantity of the rows.
     pub axis: Varied,
     /// z = ω dt of every column.
     pub columns: Vec<f64>,
@@ -105,9 +103,6 @@ fn is_zero(count: &usize) -> bool {
 /// Columns of a map that shows where limits are, and how long finer ones take.
 const COARSE: usize = 9;
 
-/// The part of the time left that a finer map may be expected to take.
-const RESERVE: f64 = 0.8;
-
 /// Numbers from `low` to `high` with equal ratios.
 fn geometric(low: f64, high: f64, count: usize) -> Vec<f64> {
     let ratio = (high / low).ln() / (count.max(2) - 1) as f64;
@@ -131,9 +126,9 @@ impl StabilityMap {
     pub fn within(resolution: usize, progress: &mut dyn Progress, deadline: Deadline) -> Result<Self> {
         let begin = Instant::now();
         let coarse = Self::until(resolution.min(COARSE), progress, deadline)?;
-        // Every cell takes as long, and a map has two thirds of the square of its columns.
+        // Every cell takes as long, and a map has two thirds of the square of its columns; a fifth of the time is held back.
         let times = deadline.left().as_secs_f64() / begin.elapsed().as_secs_f64();
-        let affordable = COARSE as f64 * (RESERVE * times).sqrt();
+        let affordable = COARSE as f64 * (0.8 * times).sqrt();
         let columns = resolution.min(affordable as usize / 3 * 3);
         if coarse.missing > 0 || columns <= COARSE {
             return Ok(coarse);
@@ -170,6 +165,12 @@ impl StabilityMap {
             }
         }
         Ok(Self { tiles, missing })
+    }
+
+    /// Cells that theory says something about, and those among them that contradict it.
+    pub fn agreement(&self) -> (usize, usize) {
+        let count = |of: fn(&Tile) -> usize| self.tiles.iter().map(of).sum();
+        (count(|tile| tile.predicted), count(|tile| tile.contradictions.len()))
     }
 
     /// One check a tile: not one cell in which map and formula contradict each other.
@@ -239,6 +240,67 @@ impl Tile {
         }
         let name = format!("stability map of {} over {over}", self.method);
         Check::new(Claim::Stability, name, self.stiffness, self.contradictions.len() as f64, 0.0, why)
+    }
+}
+
+impl Tile {
+    /// As a field of cells with the limits in closed form over it.
+    pub fn figure(&self) -> Tiles {
+        let (over, y) = match self.axis {
+            Varied::Stretch => ("over the stretch", figure::Axis::linear("stretch λ = l/l0")),
+            Varied::Damping => ("over damping, at λ = 2", figure::Axis::logarithmic("axial damping ratio ζ")),
+            Varied::Turning => ("over turning", figure::Axis::logarithmic("turn per step θ, rad")),
+        };
+        let option = if self.stiffness == "none" { String::new() } else { format!(" ({})", self.stiffness) };
+        let class = |verdict: &TileVerdict| TileVerdict::ALL.iter().position(|other| other == verdict).unwrap_or(0);
+        let mut curves: Vec<Series> = Vec::new();
+        for (&row, limits) in self.rows.iter().zip(&self.limits) {
+            for limit in limits {
+                match curves.iter_mut().find(|curve| curve.name == limit.formula) {
+                    Some(curve) => curve.points.push((limit.z, row)),
+                    None => curves.push(Series::line(limit.formula, vec![(limit.z, row)])),
+                }
+            }
+        }
+        // Only limits between the first column and the last are shown.
+        if let (Some(first), Some(last)) = (self.columns.first(), self.columns.last()) {
+            curves.retain(|curve| curve.points.iter().any(|(z, _)| (first..=last).contains(&z)));
+        }
+        Tiles {
+            title: format!("{}{option}, {over}", self.method),
+            conclusion: self.conclusion(),
+            x: figure::Axis::logarithmic("ω dt"),
+            y,
+            columns: self.columns.clone(),
+            rows: self.rows.clone(),
+            cells: self.verdicts.iter().map(|row| row.iter().map(class).collect()).collect(),
+            classes: TileVerdict::ALL.iter().map(|verdict| verdict.name().into()).collect(),
+            curves,
+        }
+    }
+
+    /// Up to which step nothing goes wrong in any row, and what does first beyond.
+    fn conclusion(&self) -> String {
+        let column = |at: usize| self.verdicts.iter().filter_map(move |row| row.get(at));
+        let wrong = |at: usize| column(at).find(|verdict| **verdict != TileVerdict::ALL[0]);
+        let rows = match self.axis {
+            Varied::Stretch => "at any stretch",
+            Varied::Damping => "at any damping",
+            Varied::Turning => "at any turn",
+        };
+        match (0..self.columns.len()).find_map(|at| Some((at, wrong(at)?))) {
+            None => format!("Nothing goes wrong {rows}, whatever the step."),
+            Some((0, first)) => format!("Something goes wrong at every step shown, first: {}.", first.name()),
+            Some((at, first)) => {
+                let longest = self.columns.get(at - 1).copied().unwrap_or(f64::NAN);
+                format!("Nothing goes wrong {rows} up to ω dt = {longest:.2}; first beyond: {}.", first.name())
+            }
+        }
+    }
+
+    /// A name for a file: method, option and axis.
+    pub fn file_name(&self) -> String {
+        format!("stability-{}-{}-{}", self.method, self.stiffness, self.axis.name())
     }
 }
 
@@ -320,7 +382,7 @@ mod tests {
         assert!(close(&geometric(3.0, 48.0, 1), &[3.0]) && geometric(3.0, 48.0, 0).is_empty());
     }
 
-    /// What contradicts is counted, and told with its place.
+    /// Contradictions are counted, and named with their place.
     #[test]
     fn contradictions_are_told() {
         let (axis, verdicts, limits) = (Varied::Stretch, Vec::new(), Vec::new());

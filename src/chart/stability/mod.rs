@@ -1,4 +1,4 @@
-//! Where each method is stable: measured, with the limits that theory gives.
+//! The stability of each method: measured, with the limits that theory gives.
 //!
 //! **The model.** One particle of mass m in the plane between two equal springs to fixed walls, each at the stretch λ = l/l0.
 //! It has an axial mode, `ω² = 2k/(l0 m)`, and a transverse one, `ω_t² = ω² (1 − 1/λ)`: an oscillation where the springs
@@ -7,7 +7,6 @@
 //! a spring that turns, has a tile of its own over z and the angle by which a step turns it.
 
 mod experiment;
-mod figures;
 mod limits;
 mod map;
 mod turning;
@@ -15,6 +14,3 @@ mod turning;
 pub use experiment::TileVerdict;
 pub use limits::{Limit, Prediction, dropped_term_limits, limits, prediction};
 pub use map::{StabilityMap, Tile, Varied};
-
-/// k of a spring of length, mass and ω one.
-const STIFFNESS_OF_ONE: f64 = 1.0;

@@ -20,8 +20,8 @@
 //! methods that only look at the start of the step stretch the spring to `√(1 + θ²)` in the first one; under `axial`
 //! and in symplectic Euler nothing else acts there.
 
+use super::TileVerdict;
 use super::limits::{Limit, Prediction};
-use super::{STIFFNESS_OF_ONE, TileVerdict};
 use crate::accuracy::Configuration;
 use crate::error::Result;
 use crate::force::Energy;
@@ -35,14 +35,12 @@ const BRAKED: f64 = crate::inspect::MOST_BRAKED;
 /// The stretch beyond the exact motion's largest that counts.
 const STRETCHED: f64 = crate::inspect::MOST_STRETCHED;
 
-/// Growth of the energy that counts: nothing does work.
-const GROWTH: f64 = 2.0;
-
+/// The model; rest length, mass and ω are 1.
 fn model(angle: f64, z: f64) -> Result<(System, State)> {
     let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
     let centre = builder.particle([0.0; 3], 1.0);
     let particle = builder.particle([1.0, 0.0, 0.0], 1.0);
-    builder.spring(particle, centre, Spring { stiffness: STIFFNESS_OF_ONE, rest_length: 1.0, damping: 0.0 });
+    builder.spring(particle, centre, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
     builder.hold(centre);
     let (system, mut state) = builder.build()?;
     if let Some(velocity) = state.velocities.get_mut(particle) {
@@ -71,7 +69,7 @@ pub(super) fn experiment(configuration: &Configuration, z: f64, angle: f64) -> R
     let arm = |state: &State| state.positions.get(1).copied().unwrap_or_default();
     let momentum = |state: &State| arm(state).cross(&state.velocities.get(1).copied().unwrap_or_default()).z;
     let (before, initial) = (momentum(&state), Energy::of(&system, &state).total());
-    let reach = (1.0 + STRETCHED) * largest_stretch(angle, z);
+    let limit = (1.0 + STRETCHED) * largest_stretch(angle, z);
     let mut stretched = false;
     for _ in 0..(1.0 / angle).ceil() as usize {
         let from = arm(&state);
@@ -82,13 +80,14 @@ pub(super) fn experiment(configuration: &Configuration, z: f64, angle: f64) -> R
         if !energy.is_finite() {
             return Ok(TileVerdict::NonFinite);
         }
-        if energy > GROWTH * initial {
+        // Nothing does work.
+        if energy > 2.0 * initial {
             return Ok(TileVerdict::EnergyGrowth);
         }
         if (arm(&state) - from).norm() > from.norm() {
             return Ok(TileVerdict::LongStep);
         }
-        stretched |= arm(&state).norm() > reach;
+        stretched |= arm(&state).norm() > limit;
     }
     Ok(match momentum(&state) < (1.0 - BRAKED) * before {
         true => TileVerdict::Braked,
@@ -97,12 +96,12 @@ pub(super) fn experiment(configuration: &Configuration, z: f64, angle: f64) -> R
     })
 }
 
-/// Whether a method linearises at the start of the step, with the transverse term of stretched springs.
+/// True where a method linearises at the start of the step, with the transverse term of stretched springs.
 fn is_braked(method: Method, policy: StiffnessPolicy) -> bool {
     method == Method::LinearBackwardEuler && policy != StiffnessPolicy::Always(Stiffness::Axial)
 }
 
-/// Whether a first step goes straight on for certain.
+/// True where a first step certainly goes straight on.
 fn goes_straight(method: Method, policy: StiffnessPolicy) -> bool {
     method == Method::SymplecticEuler || (method == Method::LinearBackwardEuler && !is_braked(method, policy))
 }
@@ -126,7 +125,7 @@ pub(super) fn limits(method: Method, policy: StiffnessPolicy, angle: f64) -> Vec
 const SMALL: f64 = 0.05;
 const MARGIN: f64 = 1.35;
 
-/// What theory predicts; `Silent` within a factor of a limit, and where it has none.
+/// The prediction of theory; `Silent` within a factor of a limit, and where it has none.
 pub(super) fn prediction(method: Method, policy: StiffnessPolicy, z: f64, angle: f64, margin: f64) -> Prediction {
     let margin = margin.max(MARGIN);
     let Some(limit) = limits(method, policy, angle).first().copied() else { return Prediction::Silent };

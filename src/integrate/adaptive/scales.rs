@@ -1,21 +1,12 @@
-//! What errors are relative to, and how long a first step is.
+//! The scales of errors, and the first step.
 
 use super::{AdaptiveOptions, ErrorEstimate};
 use crate::force::{SpringGeometry, set_accelerations};
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
-/// The tolerance at which every step may make an error of it.
-const COARSE: f64 = 0.5;
-
-/// The way of particles, relative to X, up to which errors at the end grow in proportion to it.
-const FAR: f64 = 10.0;
-
 /// X is at least this part of the largest so far: two particles that pass each other have no extent for a moment.
 const LEAST_EXTENT: f64 = 1e-2;
-
-/// A run in which nothing moves yet nor is pulled has at least this part of X/T for a speed.
-const LEAST_SPEED: f64 = 1e-3;
 
 /// X, V and the length of the run.
 #[derive(Debug, Clone, Copy)]
@@ -23,7 +14,7 @@ pub(super) struct Scales {
     /// r.
     tolerance: f64,
     rtol: f64,
-    /// (p + 1)/q: errors at the end fall as the power q/(p + 1) of what steps are held to.
+    /// (p + 1)/q.
     power: f64,
     duration: f64,
     /// V.
@@ -33,17 +24,17 @@ pub(super) struct Scales {
 }
 
 impl Scales {
-    /// At the start of a run by a method of order q whose estimate falls as h^(p + 1), and the number of force evaluations that took. Where forces are undefined the first step fails
-    /// and says so; here they count as none.
-    pub fn at_start(system: &System, state: &State, how: &AdaptiveOptions, [q, p]: [u32; 2]) -> (Self, u64) {
-        let (rtol, duration) = (how.rtol, how.part_of.unwrap_or(how.duration));
+    /// At the start of a run by a method of order q whose estimate falls as h^(p + 1), with the number of force evaluations.
+    /// Undefined forces count as zero here; the first step fails.
+    pub fn at_start(system: &System, state: &State, options: &AdaptiveOptions, [q, p]: [u32; 2]) -> (Self, u64) {
+        let (rtol, duration) = (options.rtol, options.part_of.unwrap_or(options.duration));
         let power = f64::from(p + 1) / f64::from(q);
-        let tolerance = rtol * (rtol / COARSE).min(1.0).powf(power - 1.0);
+        let tolerance = rtol * (rtol / 0.5).min(1.0).powf(power - 1.0);
         let a0 = accelerations(system, state).map_or(0.0, |a| norm(&a));
         let spread = spread(&state.positions);
-        // Within the run, or within the extent where there is one.
         let gained = if spread > 0.0 { (a0 * duration).min((a0 * spread).sqrt()) } else { a0 * duration };
-        let speed = norm(&state.velocities).max(0.3 * gained).max(LEAST_SPEED * spread / duration);
+        // Where nothing moves nor is pulled the speed is not zero either.
+        let speed = norm(&state.velocities).max(0.3 * gained).max(1e-3 * spread / duration);
         (Self { tolerance, rtol, power, duration, speed, spread }, 1)
     }
 
@@ -59,25 +50,24 @@ impl Scales {
         if error.is_nan() { f64::INFINITY } else { error }
     }
 
-    /// `√(‖e_x‖² + (X/V)² ‖e_v‖²)/(r X) · w^((p + 1)/q)`; nothing out of nothing is nothing.
+    /// `√(‖e_x‖² + (X/V)² ‖e_v‖²)/(r X) · w^((p + 1)/q)`, with 0/0 = 0.
     fn norm(&self, positions: &[Vector3<f64>], velocities: &[Vector3<f64>], state: &State) -> f64 {
         let length = self.length(state);
         let part = |error: f64, whole: f64| if error == 0.0 { 0.0 } else { error / whole };
-        part(norm(positions), length).hypot(part(norm(velocities), self.speed)) / self.tolerance
-            * far(self.speed * self.duration / length).powf(self.power)
+        let path_length = self.speed * self.duration / length;
+        // Errors at the end grow in proportion to the path length up to about ten extents.
+        let w = path_length.min(10.0).max(path_length / 10.0).max(1.0);
+        part(norm(positions), length).hypot(part(norm(velocities), self.speed)) / self.tolerance * w.powf(self.power)
     }
 
-    /// The error of a step of h seconds that takes a share of the kinetic energy from the motion, see [`AdaptiveStepper::braked`]: when all
-    /// steps of the run do, velocities are lower by half of what they take together at the end and by a quarter in the mean, and
-    /// positions lag by as much of the way TV.
-    ///
-    /// [`AdaptiveStepper::braked`]: super::AdaptiveStepper::braked
+    /// The error of a step of h seconds that takes a share of the kinetic energy from the motion: when all steps of the run do,
+    /// velocities are lower by a quarter of the sum in the mean, and positions lag by that part of the path length TV.
     pub fn lag(&self, share: f64, h: f64, state: &State) -> f64 {
         if share == 0.0 {
             return 0.0;
         }
-        let ways = self.speed * self.duration / self.length(state);
-        let error = 0.25 * share * (self.duration / h) * ways / self.rtol;
+        let path_length = self.speed * self.duration / self.length(state);
+        let error = 0.25 * share * (self.duration / h) * path_length / self.rtol;
         if error.is_nan() { f64::INFINITY } else { error }
     }
 
@@ -87,19 +77,19 @@ impl Scales {
         if length > 0.0 { length } else { self.speed * self.duration }
     }
 
-    /// A first step for a method whose estimate falls as h^(p + 1), after Hairer, Nørsett and Wanner (Solving Ordinary Differential Equations I,
-    /// II.4), and the number of force evaluations that took.
+    /// A first step for a method whose estimate falls as h^(p + 1), after Hairer, Nørsett and Wanner (Solving Ordinary
+    /// Differential Equations I, II.4), with the number of force evaluations.
     ///
     /// With `‖·‖` the norm of e and `y' = F(y)`: an Euler step of `h₀ = 0.01/(r ‖F‖)` seconds probes how fast F changes,
     /// `F' = ‖F(y + h₀ F) − F(y)‖/h₀`, and `h₁ = (0.01/max(‖F‖, F'))^{1/(p + 1)}` would leave an error of about a hundredth. The step
     /// is `min(100 h₀, h₁)`.
-    pub fn first_step(&self, system: &System, state: &State, how: &AdaptiveOptions, p: u32) -> (f64, u64) {
-        let Some(a) = accelerations(system, state) else { return (how.duration, 1) };
+    pub fn first_step(&self, system: &System, state: &State, options: &AdaptiveOptions, p: u32) -> (f64, u64) {
+        let Some(a) = accelerations(system, state) else { return (options.duration, 1) };
         let rate = self.norm(&state.velocities, &a, state);
         if rate == 0.0 || !rate.is_finite() {
-            return (how.duration, 1);
+            return (options.duration, 1);
         }
-        let h0 = (0.01 / (self.tolerance * rate)).min(how.duration);
+        let h0 = (0.01 / (self.tolerance * rate)).min(options.duration);
         let mut probe = state.clone();
         for ((x, v), a) in probe.positions.iter_mut().zip(&mut probe.velocities).zip(&a) {
             *x += *v * h0;
@@ -113,24 +103,19 @@ impl Scales {
         };
         let change = self.norm(&changes(&probe.velocities, &state.velocities), &changes(&b, &a), state);
         let h1 = (0.01 / rate.max(change)).powf(1.0 / f64::from(p + 1));
-        // NaN where the probe has left all numbers.
+        // NaN where the probe has overflowed.
         let step = if h1 > 0.0 { h1.min(100.0 * h0) } else { h0 };
-        (step.min(how.duration), 2)
+        (step.min(options.duration), 2)
     }
 }
 
-/// w, for particles that travel so many times the extent.
-fn far(ways: f64) -> f64 {
-    ways.min(FAR).max(ways / FAR).max(1.0)
-}
-
-/// What a fine and a coarse estimate are together.
+/// A fine and a coarse estimate combined, see [`AdaptiveStepper::coarser_estimate`](super::AdaptiveStepper::coarser_estimate).
 pub(in crate::integrate) fn joint(fine: f64, coarse: f64) -> f64 {
     let both = fine.hypot(0.1 * coarse);
     if fine == 0.0 || !both.is_finite() { fine } else { fine * (fine / both) }
 }
 
-/// Of all forces; `None` where the ends of a spring coincide.
+/// Accelerations by all forces; `None` where the ends of a spring coincide.
 fn accelerations(system: &System, state: &State) -> Option<Vec<Vector3<f64>>> {
     let extensions = SpringGeometry::at(system, state).ok()?;
     let mut accelerations = vec![Vector3::zeros(); system.particles()];
@@ -141,10 +126,9 @@ fn accelerations(system: &System, state: &State) -> Option<Vec<Vector3<f64>>> {
 /// `‖x − centroid‖`, zero where it is within rounding of the coordinates.
 fn spread(positions: &[Vector3<f64>]) -> f64 {
     let centroid = positions.iter().sum::<Vector3<f64>>() / positions.len().max(1) as f64;
-    let (spread, reach) = positions
-        .iter()
-        .fold((0.0, 0.0f64), |(sum, reach), x| (sum + (x - centroid).norm_squared(), reach.max(x.norm_squared())));
-    if spread > 1e-24 * reach { spread.sqrt() } else { 0.0 }
+    let spread: f64 = positions.iter().map(|x| (x - centroid).norm_squared()).sum();
+    let largest = positions.iter().map(|x| x.norm_squared()).fold(0.0, f64::max);
+    if spread > 1e-24 * largest { spread.sqrt() } else { 0.0 }
 }
 
 /// Euclidean, over the particles of all parts of a system.
@@ -155,9 +139,247 @@ pub(in crate::integrate) fn norm_of_all(system: &System, vectors: &[Vector3<f64>
 }
 
 /// Euclidean, over all components.
-pub(super) fn norm(vectors: &[Vector3<f64>]) -> f64 {
+fn norm(vectors: &[Vector3<f64>]) -> f64 {
     vectors.iter().map(|v| v.norm_squared()).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::{Scales, joint, spread};
+    use crate::integrate::{AdaptiveOptions, ErrorEstimate, OutputTimes};
+    use crate::spring::Spring;
+    use crate::system::{ExternalForce, State, StateView, System, SystemBuilder};
+    use nalgebra::Vector3;
+
+    /// Particles of 1 kg at these places on the first axis, under a gravity along it.
+    fn particles(places: &[f64], gravity: f64) -> (System, State) {
+        let mut builder = SystemBuilder::new();
+        builder.gravity(gravity, 0.0, 0.0);
+        for &x in places {
+            builder.particle([x, 0.0, 0.0], 1.0);
+        }
+        builder.build().unwrap()
+    }
+
+    fn how(duration: f64) -> AdaptiveOptions {
+        AdaptiveOptions { duration, rtol: 1e-3, first_step: None, sampling: OutputTimes::Steps, part_of: None }
+    }
+
+    fn close(a: f64, b: f64) -> bool {
+        (a - b).abs() <= 1e-12 * b.abs()
+    }
+
+    /// X² = 9 + 9 m², V = 5 m/s, and a way of less than X.
+    #[test]
+    fn errors_of_positions_and_velocities_are_relative_to_spread_and_speed() {
+        let (system, mut state) = particles(&[1.0, 7.0], 0.0);
+        state.velocities[1] = Vector3::new(3.0, 0.0, 4.0);
+        let (scales, forces) = Scales::at_start(&system, &state, &how(0.8), [1, 0]);
+        assert_eq!(forces, 1);
+        let (positions, velocities) = ([Vector3::new(3e-4, 0.0, 0.0), Vector3::zeros()], [Vector3::repeat(1e-4); 2]);
+        let error = |x: &[Vector3<f64>], v: &[Vector3<f64>]| {
+            scales.error(&ErrorEstimate { positions: x, velocities: v }, &state)
+        };
+        let none = [Vector3::zeros(); 2];
+        assert!(close(error(&positions, &none), 3e-4 / (18f64.sqrt() * 1e-3)));
+        assert!(close(error(&none, &velocities), 6f64.sqrt() * 1e-4 / (5.0 * 1e-3)));
+        let both = error(&positions, &velocities);
+        assert!(close(both, error(&positions, &none).hypot(error(&none, &velocities))));
+        assert_eq!(error(&[Vector3::repeat(f64::NAN); 2], &none), f64::INFINITY);
+        assert_eq!(error(&none, &[Vector3::repeat(f64::NAN); 2]), f64::INFINITY);
+        assert_eq!(error(&none, &none), 0.0);
+    }
+
+    /// Orders q and p decide how much less than rtol = 1e-3 every step may do, and so does a way of more than X, as its power (p + 1)/q: up
+    /// to ten times X, and beyond where a tenth of it is more. Here 5 m/s and X = 3√2 m.
+    #[test]
+    fn steps_may_do_less_where_errors_add_up() {
+        let (system, mut state) = particles(&[1.0, 7.0], 0.0);
+        state.velocities[1] = Vector3::new(3.0, 0.0, 4.0);
+        let error = |duration: f64, orders: [u32; 2]| {
+            let (scales, _) = Scales::at_start(&system, &state, &how(duration), orders);
+            let positions = [Vector3::new(3e-4, 0.0, 0.0), Vector3::zeros()];
+            scales.error(&ErrorEstimate { positions: &positions, velocities: &[] }, &state)
+        };
+        let plain = 3e-4 / (18f64.sqrt() * 1e-3);
+        for (orders, factor, power) in
+            [([2, 2], 500f64.sqrt(), 1.5), ([1, 1], 500.0, 2.0), ([4, 3], 1.0, 1.0), ([8, 7], 1.0, 1.0)]
+        {
+            for (ways, counts) in [(0.5, 1.0), (3.0, 3.0), (10.0, 10.0), (60.0, 10.0), (300.0, 30.0f64)] {
+                let found = error(18f64.sqrt() / 5.0 * ways, orders);
+                assert!(
+                    (found / (factor * counts.powf(power) * plain) - 1.0).abs() < 1e-12,
+                    "{orders:?} {ways}: {found}"
+                );
+            }
+        }
+        let coarse = AdaptiveOptions { rtol: 0.5, ..how(1.0) };
+        assert!(close(Scales::at_start(&system, &state, &coarse, [2, 2]).0.tolerance, 0.5));
+    }
+
+    /// Speeds: of the particles, of what they are about to get from their accelerations of 2 m/s² each within the run or within
+    /// their spread of √2 m, whichever is less, and a least one.
+    #[test]
+    fn the_speed_is_the_largest_so_far_or_to_come() {
+        let speed = |velocity: f64, gravity: f64, duration: f64| {
+            let (system, mut state) = particles(&[0.0, 2.0], gravity);
+            state.velocities[0].y = velocity;
+            Scales::at_start(&system, &state, &how(duration), [1, 0]).0.speed
+        };
+        assert!(close(speed(7.0, 2.0, 5.0), 7.0));
+        assert!(close(speed(0.0, 2.0, 0.1), 0.3 * 8f64.sqrt() * 0.1));
+        assert!(close(speed(0.0, 2.0, 5.0), 0.6));
+        assert!(close(speed(0.0, 0.0, 5.0), 1e-3 * 2f64.sqrt() / 5.0));
+        let (system, mut state) = particles(&[0.0, 2.0], 0.0);
+        let (mut scales, _) = Scales::at_start(&system, &state, &how(1.0), [1, 0]);
+        for (speed, largest) in [(3.0, 3.0), (2.0, 3.0), (5.0, 5.0)] {
+            state.velocities[1] = Vector3::new(0.0, speed, 0.0);
+            scales.see(&state);
+            assert_eq!(scales.speed, largest);
+        }
+    }
+
+    /// A single particle has no spread: its way counts.
+    #[test]
+    fn the_error_of_one_particle_is_relative_to_its_way() {
+        let (system, mut state) = particles(&[1e6], 0.0);
+        state.velocities[0].y = 4.0;
+        let (scales, _) = Scales::at_start(&system, &state, &how(2.0), [1, 0]);
+        let positions = [Vector3::new(3e-3, 0.0, 4e-3)];
+        let error = scales.error(&ErrorEstimate { positions: &positions, velocities: &[Vector3::zeros()] }, &state);
+        assert!(close(error, 5e-3 / (8.0 * 1e-3)), "{error}");
+    }
+
+    /// One particle of 1 kg on a spring of 400 N/m, displaced by 0.1 m: ω = 20/s and `x'' = −40 m/s²`. By hand: X of the two ends
+    /// `1.1/√2`, V = 0.3 √(40 X) since that is less than 0.3·40·T, and the Euler probe of h₀ seconds moves the particle by nothing
+    /// and changes its velocity, so that only `v` changes: `F' = a/(rtol X)`; the weighted a itself is the larger of both.
+    #[test]
+    fn the_first_step_is_hairers() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.1, 0.0, 0.0], 1.0);
+        builder.hold(0);
+        builder.spring(0, 1, Spring { stiffness: 400.0, rest_length: 1.0, damping: 0.0 });
+        let (system, state) = builder.build().unwrap();
+        let how = how(2.0);
+        let (scales, _) = Scales::at_start(&system, &state, &how, [1, 0]);
+        let (x, a) = (1.1 / 2f64.sqrt(), 40.0);
+        let v = 0.3 * (a * x).sqrt();
+        assert!(close(scales.speed, v));
+        // The way of 2 s in extents, four.
+        let ways = 2.0 * v / x;
+        let rate = ways * a / v / 1e-3;
+        let change = ways * a / x / 1e-3;
+        for p in [1, 2, 8] {
+            let (step, forces) = scales.first_step(&system, &state, &how, p);
+            let expected = (0.01 / rate.max(change)).powf(1.0 / f64::from(p + 1)).min(100.0 * 0.01 / (1e-3 * rate));
+            assert!((step / expected - 1.0).abs() < 1e-9, "{p}: {step} {expected}");
+            assert_eq!(forces, 2);
+        }
+    }
+
+    /// Without motion and forces the whole run is tried.
+    #[test]
+    fn first_steps_exist_everywhere() {
+        let (system, state) = particles(&[0.0, 1.0], 0.0);
+        let (scales, _) = Scales::at_start(&system, &state, &how(7.0), [1, 0]);
+        assert_eq!(scales.first_step(&system, &state, &how(7.0), 2), (7.0, 1));
+        let (system, state) = particles(&[0.0, 1.0], 1e150);
+        let (scales, _) = Scales::at_start(&system, &state, &how(7.0), [1, 0]);
+        let (step, _) = scales.first_step(&system, &state, &how(7.0), 2);
+        assert!(step > 0.0 && step <= 7.0, "{step}");
+    }
+
+    #[test]
+    fn two_estimates_make_one() {
+        assert!(close(joint(3.0, 40.0), 9.0 / 5.0));
+        assert!(close(joint(2.0, 0.0), 2.0));
+        assert_eq!((joint(0.0, 1.0), joint(0.0, 0.0)), (0.0, 0.0));
+        assert_eq!(joint(f64::INFINITY, 1.0), f64::INFINITY);
+        assert_eq!(joint(f64::INFINITY, f64::INFINITY), f64::INFINITY);
+    }
+
+    /// `¼ B (T/h) TV/X` over rtol = 1e-3, here with X = 3√2 m, V = 5 m/s and T = 0.8 s.
+    #[test]
+    fn what_turning_springs_take_makes_the_motion_lag() {
+        let (system, mut state) = particles(&[1.0, 7.0], 0.0);
+        state.velocities[1] = Vector3::new(3.0, 0.0, 4.0);
+        let (scales, _) = Scales::at_start(&system, &state, &how(0.8), [1, 0]);
+        assert!(close(scales.lag(0.02, 0.1, &state), 0.25 * 0.02 * 8.0 * 4.0 / 18f64.sqrt() / 1e-3));
+        assert_eq!((scales.lag(0.0, 0.1, &state), scales.lag(f64::NAN, 0.1, &state)), (0.0, f64::INFINITY));
+    }
+
+    /// Two newtons a second, a newton less a metre and three less for every metre a second, times a factor.
+    #[derive(Debug)]
+    struct Pull(f64);
+
+    impl ExternalForce for Pull {
+        fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
+            for ((f, x), v) in force.iter_mut().zip(at.positions).zip(at.velocities) {
+                f.y += self.0 * (2.0 * at.time - x.y - 3.0 * v.y);
+            }
+        }
+    }
+
+    /// A force linear in all that it depends on: of `F = (v, a)` the probe finds `(a, a')` with `m a' = 2 − v − 3a`, on particles of 4 kg.
+    #[test]
+    fn the_first_step_follows_forces_in_time_place_and_speed() {
+        let mut builder = SystemBuilder::new();
+        for x in [0.0, 2.0] {
+            builder.particle([x, 0.5, 0.0], 4.0);
+        }
+        let (system, mut state) = builder.build().unwrap();
+        let system = system.with_external_force(Pull(100.0));
+        state.time = 3.0;
+        state.velocities = vec![Vector3::new(0.0, 0.25, 0.0), Vector3::new(0.0, -1.5, 0.0)];
+        let how = how(5.0);
+        let (scales, _) = Scales::at_start(&system, &state, &how, [1, 0]);
+        let norm = |x: Vec<Vector3<f64>>, v: Vec<Vector3<f64>>| {
+            scales.error(&ErrorEstimate { positions: &x, velocities: &v }, &state)
+        };
+        let along = |of: &dyn Fn(f64) -> f64| -> Vec<Vector3<f64>> {
+            state.velocities.iter().map(|v| Vector3::new(0.0, of(v.y), 0.0)).collect()
+        };
+        let a = |v: f64| 25.0 * (6.0 - 0.5 - 3.0 * v);
+        let rate = norm(state.velocities.clone(), along(&a));
+        let change = norm(along(&a), along(&|v| 25.0 * (2.0 - v - 3.0 * a(v))));
+        assert!(change > 10.0 * rate);
+        let (step, forces) = scales.first_step(&system, &state, &how, 1);
+        assert!((step / (0.01 / change).sqrt() - 1.0).abs() < 1e-9 && forces == 2, "{step}");
+    }
+
+    /// If the probe overflows its step is the first.
+    #[test]
+    fn probes_that_leave_all_numbers_are_the_first_step() {
+        let mut builder = SystemBuilder::new();
+        for x in [0.0, 2.0] {
+            builder.particle([x, 0.0, 0.0], 4.0);
+        }
+        let (system, mut state) = builder.build().unwrap();
+        state.velocities[0].x = 1.0;
+        state.velocities[1].y = 1e-3;
+        let (scales, _) = Scales::at_start(&system, &state, &how(5.0), [1, 0]);
+        let system = system.with_external_force(Beyond);
+        let rate = scales.error(&ErrorEstimate { positions: &state.velocities, velocities: &[] }, &state);
+        let (step, _) = scales.first_step(&system, &state, &how(5.0), 2);
+        assert!((step / (0.01 / (1e-3 * rate)) - 1.0).abs() < 1e-9, "{step}");
+    }
+
+    /// Nothing where time begins, and more than can be squared after that.
+    #[derive(Debug)]
+    struct Beyond;
+
+    impl ExternalForce for Beyond {
+        fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
+            force.iter_mut().for_each(|f| f.z += if at.time > 0.0 { 1e200 } else { 0.0 });
+        }
+    }
+
+    /// A spread by rounding is none.
+    #[test]
+    fn particles_at_one_place_have_no_spread() {
+        let at = |places: [f64; 2]| spread(&places.map(|x| Vector3::new(x, 0.0, 0.0)));
+        assert_eq!((at([1e6, 1e6 + 1e-8]), at([1e6; 2]), at([0.0; 2])), (0.0, 0.0, 0.0));
+        assert!(close(at([1e6, 1e6 + 0.5]), 0.125f64.sqrt()) && close(at([1e-9, 3e-9]), 2e-18f64.sqrt()));
+    }
+}

@@ -46,7 +46,8 @@ fn between_the_ends_of_a_step_motions_are_cubic() {
 fn samples_near_the_end_are_the_end() {
     let (system, state) = particles(&[0.0]);
     let times = |interval: f64, end: f64| {
-        let mut samples = Samples::new(OutputTimes::Every(interval), &state);
+        let sampling = OutputTimes::Every(interval);
+        let mut samples = Samples { sampling, start: state.time, count: 0, sample: state.clone() };
         let (after, mut seen) = (State { time: end, ..state.clone() }, Vec::new());
         let mut observe = |count: u64, state: &State| {
             seen.push((count, state.time));
@@ -99,14 +100,12 @@ impl Still {
             statistics: Statistics::default(),
         }
     }
-}
 
-impl Still {
     pub fn of(order: u32, gains: bool) -> Self {
         Self { order, gains, ..Self::new(&[]) }
     }
 
-    /// Of a method whose steps stability bounds.
+    /// A method whose steps stability bounds.
     pub fn bounded(order: u32) -> Self {
         Self { bounded: true, ..Self::of(order, false) }
     }
@@ -158,7 +157,7 @@ impl AdaptiveStepper for Still {
         self.order
     }
 
-    fn gains_by_equal_steps(&self) -> bool {
+    fn reuses_factorization(&self) -> bool {
         self.gains
     }
 

@@ -1,27 +1,49 @@
-//! The last step, as long as it says something about the next one.
+//! The last step, as long as it says something about the next one, and the local error of a step by differences of velocities.
 //!
-//! It does not after a kink of a prescribed path: a force that follows the path has a jump in its rate there, a damping force one
-//! of its own. So a step that starts at a kink, or whose interior or whose last step's interior holds one, has no past. A path that
-//! has kinks in the last step and in this one is not taken by its corners: it is a curve given by points, closer than steps resolve them.
-//! Nor has a step a past that starts from a state where the last one did not end.
+//! **A step has no past** that starts at a kink of a prescribed path, or whose interior or whose last step's interior holds one: a force that
+//! follows the path has a jump in its rate there, a damping force one of its own. (A path with kinks in both steps is a curve given
+//! by points closer than steps resolve them, and does not count.) Nor has a step a past that starts from a state where the last one did
+//! not end.
+//!
+//! **Local error.** The derivative at t' of the parabola through the values of y at t₋, t, t' is off by `h (h + h₋) y'''/6`, and the formula
+//! takes it times τ for that of y. So its local error is
+//!
+//! ```text
+//! e = τ h (h + h₋) y'''/6.
+//! ```
+//!
+//! With the divided differences `v[t', t] = (v' − v)/h` and so on, `x''' ≈ 2 v[t', t, t₋]` and `v''' ≈ 6 v[t', t, t₋, t₋₋]`:
+//!
+//! ```text
+//! e_x = ⅓ τ h (v[t', t] − v[t, t₋]),      e_v = τ h (h + h₋) v[t', t, t₋, t₋₋].
+//! ```
+//!
+//! A step without a past is one of backward Euler with the error `½ h² y''`: with the accelerations a = M⁻¹f at its start as
+//! the divided difference `v[t, t]` of a point that counts twice, in the differences of the next step too,
+//!
+//! ```text
+//! e_x = ½ h (v' − v),      e_v = h (v[t', t] − a).
+//! ```
 
+use super::duration;
+use crate::integrate::{ErrorEstimate, zero_prescribed};
 use crate::system::{Dof, Motion, State, System};
+use nalgebra::Vector3;
 
-/// How near to the end of a step, relative to the step, a kink counts as lying there.
-const AT: f64 = 1e-9;
+/// The distance to the end of a step, relative to the step, within which a kink is at the end.
+const AT_END: f64 = 1e-9;
 
 /// The last step.
 pub(super) struct History {
     /// Its length, in s; `None` when there was none.
-    step: Option<f64>,
-    before: State,
+    length: Option<f64>,
+    pub before: State,
     after: State,
-    /// Of all prescribed paths, ascending, in s.
+    /// The kinks of all prescribed paths, ascending, in s.
     kinks: Vec<f64>,
 }
 
 impl History {
-    /// No step yet.
     pub fn new(system: &System, state: &State) -> Self {
         let times = |motion: &'_ Motion| match motion {
             Motion::Path { times, .. } => times.clone(),
@@ -29,21 +51,20 @@ impl History {
         };
         let mut kinks: Vec<f64> = system.prescribed().motions().iter().flat_map(times).collect();
         kinks.sort_by(f64::total_cmp);
-        kinks.dedup();
-        Self { step: None, before: state.clone(), after: state.clone(), kinks }
+        Self { length: None, before: state.clone(), after: state.clone(), kinks }
     }
 
-    /// ω of a step of h seconds from a state: its ratio to the last step, or zero where that says nothing about it.
+    /// ω of a step of h seconds from a state: its ratio to the last step, or zero where it has no past.
     pub fn ratio(&self, system: &System, state: &State, h: f64) -> f64 {
-        match self.step {
+        match self.length {
             Some(last) if self.ends_at(system, state, h) && !self.is_broken(state.time, last, h) => h / last,
             _ => 0.0,
         }
     }
 
-    /// Whether a kink parts the step of h seconds from time t from the last one.
+    /// True if a kink separates the step of h seconds from time t from the last one.
     fn is_broken(&self, t: f64, last: f64, h: f64) -> bool {
-        let tolerance = AT * h.min(last);
+        let tolerance = AT_END * h.min(last);
         // Whether there is one from a time on and before another.
         let between = |from: f64, to: f64| {
             let next = self.kinks.partition_point(|&kink| kink < from);
@@ -55,32 +76,10 @@ impl History {
         (now || inside) && !(now && before)
     }
 
-    /// The length of the last step, in s.
-    pub fn length(&self) -> Option<f64> {
-        self.step
-    }
-
-    /// Where the last step started.
-    pub fn before(&self) -> &State {
-        &self.before
-    }
-
-    /// Says that what comes has no past.
-    pub fn forget(&mut self) {
-        self.step = None;
-    }
-
-    /// Takes note of a step of h seconds between two states.
-    pub fn record(&mut self, before: &State, after: &State, h: f64) {
-        self.step = Some(h);
-        self.before.copy_from(before);
-        self.after.copy_from(after);
-    }
-
-    /// Whether a state is where the last step ended. Its time may have been rounded otherwise, and prescribed coordinates with it.
+    /// True if a state is the end of the last step. Its time may have been rounded otherwise, and prescribed coordinates with it.
     fn ends_at(&self, system: &System, state: &State, h: f64) -> bool {
         let after = &self.after;
-        let rounding = AT * h + 4.0 * f64::EPSILON * state.time.abs();
+        let rounding = AT_END * h + 4.0 * f64::EPSILON * state.time.abs();
         let is_same = |dof: Dof| {
             let (p, axis) = (dof.particle, dof.axis);
             state.positions[p][axis] == after.positions[p][axis]
@@ -88,16 +87,110 @@ impl History {
         };
         (state.time - after.time).abs() <= rounding && system.dofs().iter().all(is_same)
     }
+
+    /// Removes the past of the next step.
+    pub fn clear(&mut self) {
+        self.length = None;
+    }
+
+    /// Records a step of h seconds between two states.
+    pub fn record(&mut self, before: &State, after: &State, h: f64) {
+        self.length = Some(h);
+        self.before.copy_from(before);
+        self.after.copy_from(after);
+    }
+}
+
+/// The estimate of a step, and the differences of earlier steps in it.
+pub(super) struct Estimate {
+    /// v[t₋, t₋₋] and t₋ − t₋₋, seen from the next step; `None` where that is not known.
+    span: Option<f64>,
+    slopes: Vec<Vector3<f64>>,
+    /// True if the step that is tried has no past.
+    pub is_first: bool,
+    /// v[t, t] at its start, zero where coordinates are prescribed.
+    pub accelerations: Vec<Vector3<f64>>,
+    positions: Vec<Vector3<f64>>,
+    velocities: Vec<Vector3<f64>>,
+}
+
+impl Estimate {
+    pub fn new(system: &System) -> Self {
+        let zeros = || vec![Vector3::zeros(); system.particles()];
+        let [slopes, accelerations, positions, velocities] = [zeros(), zeros(), zeros(), zeros()];
+        Self { span: None, slopes, is_first: false, accelerations, positions, velocities }
+    }
+
+    /// True if the last step is known well enough for an estimate of the next.
+    pub fn is_known(&self) -> bool {
+        self.span.is_some()
+    }
+
+    /// Before a step without an estimate.
+    pub fn clear(&mut self) {
+        (self.span, self.is_first) = (None, false);
+    }
+
+    /// Records that the step from a state is done; `history` still has the one before it.
+    pub fn record(&mut self, history: &History, state: &State, ratio: f64) {
+        match history.length.filter(|_| ratio > 0.0) {
+            None if self.is_first => {
+                self.span = Some(0.0);
+                self.slopes.copy_from_slice(&self.accelerations);
+            }
+            None => self.span = None,
+            Some(_) if self.span.is_none() => {}
+            Some(last) => {
+                self.span = Some(last);
+                let before = &history.before.velocities;
+                for ((slope, v), before) in self.slopes.iter_mut().zip(&state.velocities).zip(before) {
+                    *slope = (v - before) / last;
+                }
+            }
+        }
+    }
+
+    /// The estimate for the step of h seconds from a state to the next one; `history` has the one before it.
+    pub fn of_step(
+        &mut self,
+        system: &System,
+        history: &History,
+        [state, next]: [&State; 2],
+        h: f64,
+        ratio: f64,
+    ) -> ErrorEstimate<'_> {
+        let tau = duration(h, ratio);
+        let last = if ratio > 0.0 { h / ratio } else { 0.0 };
+        let span = self.span.unwrap_or(0.0);
+        let before = &history.before.velocities;
+        for (p, v) in state.velocities.iter().enumerate() {
+            let slope = (next.velocities[p] - v) / h;
+            if ratio == 0.0 {
+                self.positions[p] = slope * (0.5 * h * h);
+                self.velocities[p] = (slope - self.accelerations[p]) * h;
+                continue;
+            }
+            let last_slope = (v - before[p]) / last;
+            let change = slope - last_slope;
+            let last_change = (last_slope - self.slopes[p]) / (last + span);
+            let third = (change / (h + last) - last_change) / (h + last + span);
+            self.positions[p] = change * (tau * h / 3.0);
+            self.velocities[p] = third * (tau * h * (h + last));
+        }
+        // They have no errors, and velocities that jump at the kinks of their paths.
+        zero_prescribed(system, &mut self.positions);
+        zero_prescribed(system, &mut self.velocities);
+        ErrorEstimate { positions: &self.positions, velocities: &self.velocities }
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{AT, History};
-    use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
-    use nalgebra::Vector3;
+    use super::*;
+    use crate::system::{Axes, Constraint, SystemBuilder};
 
     /// A free particle and one on a path with kinks at the given times.
-    fn led(times: &[f64]) -> (System, State) {
+    fn with_kinks(times: &[f64]) -> (System, State) {
         let mut builder = SystemBuilder::new();
         builder.particle([0.0; 3], 1.0);
         builder.particle([1.0, 0.0, 0.0], 1.0);
@@ -108,7 +201,7 @@ mod tests {
 
     /// The ratio of a step of `h` from time t after one of `last`, on a path with the given kinks.
     fn ratio(kinks: &[f64], t: f64, last: f64, h: f64) -> f64 {
-        let (system, start) = led(kinks);
+        let (system, start) = with_kinks(kinks);
         let (before, after) = (State { time: t - last, ..start.clone() }, State { time: t, ..start });
         let mut history = History::new(&system, &before);
         assert_eq!(history.ratio(&system, &before, last), 0.0);
@@ -132,16 +225,16 @@ mod tests {
         }
     }
 
-    /// How near to the end of a step counts as there is relative to the shorter step. What was before the last step is forgotten.
+    /// The tolerance is relative to the shorter step. Kinks before the last step do not count.
     #[test]
     fn kinks_near_the_end_of_a_step_are_within_it() {
         let short = 2f64.powi(-10);
         assert_eq!(ratio(&[1.5 + short - 1e-7], 1.5, short, short), 0.0);
         assert_eq!(ratio(&[1.5 + short - 1e-13], 1.5, short, short), 1.0);
         assert_eq!(ratio(&[0.2, 1.7], 1.5, 0.5, 0.5), 0.0);
-        // As near to the start as counts is within, as near to the end is not.
-        assert_eq!(ratio(&[1.5 - 0.5 * AT], 1.5, 0.5, 0.5), 0.0);
-        assert_eq!(ratio(&[1.5 + 0.5 - 0.5 * AT], 1.5, 0.5, 0.5), 1.0);
+        // Within the tolerance of the start is inside, within that of the end is not.
+        assert_eq!(ratio(&[1.5 - 0.5e-9], 1.5, 0.5, 0.5), 0.0);
+        assert_eq!(ratio(&[1.5 + 0.5 - 0.5e-9], 1.5, 0.5, 0.5), 1.0);
     }
 
     #[test]
@@ -152,10 +245,10 @@ mod tests {
         assert_eq!(ratio(&[1.1, 1.2, 2.3], 1.5, 0.5, 0.5), 0.0);
     }
 
-    /// Another place, speed or time of a free particle; times may have been rounded, and prescribed places with them.
+    /// Another position, velocity or time of a free particle; times may have been rounded, and prescribed positions with them.
     #[test]
     fn the_past_ends_where_the_state_was_changed() {
-        let (system, before) = led(&[99.0]);
+        let (system, before) = with_kinks(&[99.0]);
         let after = State { time: 1e3, ..before.clone() };
         let mut history = History::new(&system, &before);
         history.record(&before, &after, 0.5);
@@ -172,5 +265,98 @@ mod tests {
         // Rounding of a millisecond's step and of a time of a quarter of an hour: 1.0e-12 s and 0.9e-12 s.
         let later = |by: f64| history.ratio(&system, &State { time: 1e3 + by, ..after.clone() }, 2f64.powi(-10));
         assert!(later(1.6e-12) > 0.0 && later(2.5e-12) == 0.0 && later(1e-9) == 0.0);
+    }
+
+    /// A particle at 0, whose velocity is a polynomial of time.
+    fn particle() -> (System, State) {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.build().unwrap()
+    }
+
+    fn at(time: f64, velocity: impl Fn(f64) -> f64) -> State {
+        State { time, positions: vec![Vector3::zeros()], velocities: vec![Vector3::new(velocity(time), 0.0, 0.0)] }
+    }
+
+    /// The estimates of steps that end at the given times, the first one without a past.
+    fn estimates(times: &[f64], velocity: impl Fn(f64) -> f64 + Copy, acceleration: f64) -> Vec<[f64; 2]> {
+        let (system, start) = particle();
+        let (mut estimate, mut history) = (Estimate::new(&system), History::new(&system, &start));
+        let mut errors = Vec::new();
+        for step in times.windows(2) {
+            let (state, next) = (at(step[0], velocity), at(step[1], velocity));
+            let h = step[1] - step[0];
+            let ratio = history.length.map_or(0.0, |last| h / last);
+            if ratio == 0.0 {
+                estimate.is_first = true;
+                estimate.accelerations[0].x = acceleration;
+            }
+            let found = estimate.of_step(&system, &history, [&state, &next], h, ratio);
+            errors.push([found.positions[0].x, found.velocities[0].x]);
+            estimate.record(&history, &state, ratio);
+            history.record(&state, &next, h);
+        }
+        errors
+    }
+
+    /// `x‴ = 2` and no error of velocities: τ h (h + h₋)/3, with τ = 2h/3 and 4h/5·… of ratios 1 and 2.
+    #[test]
+    fn velocities_that_are_parabolas_have_errors_of_positions_alone() {
+        let found = estimates(&[0.0, 1.0, 2.0, 4.0], |t| t * t, 0.0);
+        let expected = [[0.5, 1.0], [2.0 / 3.0 * 2.0 / 3.0, 0.0], [6.0 / 5.0 * 2.0 * 3.0 / 3.0, 0.0]];
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found[0] - expected[0]).abs() < 1e-12 && (found[1] - expected[1]).abs() < 1e-12, "{found:?}");
+        }
+    }
+
+    /// `v‴ = 6`: τ h (h + h₋), from the second step on, the first point counting twice with its acceleration.
+    #[test]
+    fn third_differences_are_those_of_four_points() {
+        let found = estimates(&[0.0, 1.0, 2.0, 4.0, 5.0], |t| t * t * t + 7.0 * t, 7.0);
+        for (found, (tau, h, last)) in
+            found[1..].iter().zip([(2.0 / 3.0, 1.0, 1.0), (6.0 / 5.0, 2.0, 1.0), (0.75, 1.0, 2.0)])
+        {
+            let expected = tau * h * (h + last);
+            assert!((found[1] - expected).abs() < 1e-12 * expected, "{found:?} {expected}");
+        }
+    }
+
+    /// A steady acceleration of 3: backward Euler goes ½ h² a too far.
+    #[test]
+    fn the_first_step_has_the_error_of_backward_euler() {
+        assert_eq!(estimates(&[0.0, 0.5], |t| 3.0 * t, 3.0), [[0.375, 0.0]]);
+        // v″ = 2: ½ h² v″.
+        assert_eq!(estimates(&[0.0, 0.5], |t| t * t, 0.0), [[0.0625, 0.25]]);
+    }
+
+    #[test]
+    fn steps_without_an_estimate_are_not_known() {
+        let (system, start) = particle();
+        let (mut estimate, mut history) = (Estimate::new(&system), History::new(&system, &start));
+        estimate.record(&history, &start, 0.0);
+        history.record(&start, &start, 1.0);
+        assert!(!estimate.is_known());
+        // A step that was tried without a past is known once it is done.
+        for (is_first, is_known) in [(true, true), (false, false), (true, true)] {
+            estimate.is_first = is_first;
+            estimate.record(&history, &start, 0.0);
+            assert_eq!(estimate.is_known(), is_known);
+        }
+        estimate.clear();
+        assert!(!estimate.is_known());
+    }
+
+    /// After a step that had no past, whatever there was before it, its start counts twice with the acceleration there.
+    #[test]
+    fn steps_without_a_past_leave_their_acceleration() {
+        let (system, start) = particle();
+        let (mut estimate, mut history) = (Estimate::new(&system), History::new(&system, &start));
+        history.record(&at(0.0, |t| t), &at(1.0, |t| t), 1.0);
+        for (ratio, span, slope) in [(0.0, 0.0, 5.0), (0.5, 1.0, 2.0)] {
+            estimate.is_first = true;
+            estimate.accelerations[0].x = 5.0;
+            estimate.record(&history, &at(1.0, |t| 2.0 * t), ratio);
+            assert_eq!((estimate.span, estimate.slopes[0].x), (Some(span), slope));
+        }
     }
 }

@@ -7,26 +7,15 @@ pub(super) const STAGES: usize = 16;
 pub(super) type Row = [f64; STAGES];
 
 /// The times of the stages, in steps.
+#[rustfmt::skip]
 pub(super) const C: Row = [
-    0.0,
-    0.05260015195876773,
-    0.0789002279381516,
-    0.1183503419072274,
-    0.2816496580927726,
-    0.3333333333333333,
-    0.25,
-    0.3076923076923077,
-    0.6512820512820513,
-    0.6,
-    0.8571428571428571,
-    1.0,
-    1.0,
-    0.1,
-    0.2,
-    0.7777777777777778,
+    0.0, 0.05260015195876773, 0.0789002279381516, 0.1183503419072274,
+    0.2816496580927726, 0.3333333333333333, 0.25, 0.3076923076923077,
+    0.6512820512820513, 0.6, 0.8571428571428571, 1.0,
+    1.0, 0.1, 0.2, 0.7777777777777778,
 ];
 
-/// What each stage takes of those before; row 12 is the formula itself.
+/// The combination of earlier stages in each stage; row 12 is the formula itself.
 #[rustfmt::skip]
 pub(super) const A: [Row; STAGES] = [
     [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
@@ -48,43 +37,21 @@ pub(super) const A: [Row; STAGES] = [
 ];
 
 /// The difference of the formula from one of fifth order.
+#[rustfmt::skip]
 pub(super) const E5: Row = [
-    0.01312004499419488,
-    0.0,
-    0.0,
-    0.0,
-    0.0,
-    -1.2251564463762044,
-    -0.4957589496572502,
-    1.6643771824549864,
-    -0.35032884874997366,
-    0.3341791187130175,
-    0.08192320648511571,
-    -0.022355307863886294,
-    0.0,
-    0.0,
-    0.0,
-    0.0,
+    0.01312004499419488, 0.0, 0.0, 0.0,
+    0.0, -1.2251564463762044, -0.4957589496572502, 1.6643771824549864,
+    -0.35032884874997366, 0.3341791187130175, 0.08192320648511571, -0.022355307863886294,
+    0.0, 0.0, 0.0, 0.0,
 ];
 
 /// And from one of third order.
+#[rustfmt::skip]
 pub(super) const E3: Row = [
-    -0.18980075407240762,
-    0.0,
-    0.0,
-    0.0,
-    0.0,
-    4.450312892752409,
-    1.8915178993145003,
-    -5.801203960010585,
-    -0.4226823213237919,
-    -0.1521609496625161,
-    0.20136540080403034,
-    0.02265179219836082,
-    0.0,
-    0.0,
-    0.0,
-    0.0,
+    -0.18980075407240762, 0.0, 0.0, 0.0,
+    0.0, 4.450312892752409, 1.8915178993145003, -5.801203960010585,
+    -0.4226823213237919, -0.1521609496625161, 0.20136540080403034, 0.02265179219836082,
+    0.0, 0.0, 0.0, 0.0,
 ];
 
 /// The interpolant's coefficients beyond its first three.
@@ -95,3 +62,56 @@ pub(super) const D: [Row; 4] = [
     [19.985053242002433, 0.0, 0.0, 0.0, 0.0, -387.0373087493518, -189.17813819516758, 527.8081592054236, -11.57390253995963, 6.8812326946963, -1.0006050966910838, 0.7777137798053443, -2.778205752353508, -60.19669523126412, 84.32040550667716, 11.99229113618279],
     [-25.69393346270375, 0.0, 0.0, 0.0, 0.0, -154.18974869023643, -231.5293791760455, 357.6391179106141, 93.40532418362432, -37.45832313645163, 104.0996495089623, 29.8402934266605, -43.53345659001114, 96.32455395918828, -39.17726167561544, -149.72683625798564],
 ];
+
+/// Smaller coefficients are rounding of zeros: the least of the method's is 5e-5.
+const ROUNDING: f64 = 1e-12;
+
+/// A².
+pub(super) const SQUARE: [Row; STAGES] = {
+    let mut square = [[0.0; STAGES]; STAGES];
+    let mut i = 0;
+    while i < STAGES {
+        square[i] = chain(&A[i], &A);
+        i += 1;
+    }
+    square
+};
+
+/// `row · matrix`.
+pub(super) const fn chain(row: &Row, matrix: &[Row; STAGES]) -> Row {
+    let mut product = [0.0; STAGES];
+    let mut j = 0;
+    while j < STAGES {
+        let mut k = 0;
+        while k < STAGES {
+            product[j] += row[k] * matrix[k][j];
+            k += 1;
+        }
+        if product[j].abs() < ROUNDING {
+            product[j] = 0.0;
+        }
+        j += 1;
+    }
+    product
+}
+
+/// The sum of all coefficients.
+pub(super) fn sum(row: &Row) -> f64 {
+    let sum: f64 = row.iter().sum();
+    if sum.abs() < ROUNDING { 0.0 } else { sum }
+}
+
+/// The weights of the stages in the interpolant `y(s) = y + h Σ w_j k_j` at the share s of a step.
+///
+/// With t = 1 − s, the formula's b, the rates k_0 and k_12 at both ends and `d_i = Σ D_ij k_j`, the polynomial is
+/// `y + h s (b·k + t (k_0 − b·k + s (2 b·k − k_0 − k_12 + t (d_0 + s (d_1 + t (d_2 + s d_3))))))`.
+pub(super) fn weights(s: f64) -> Row {
+    let t = 1.0 - s;
+    let b = &A[12];
+    let [d0, d1, d2, d3] = &D;
+    std::array::from_fn(|j| {
+        let (first, last) = (f64::from(u8::from(j == 0)), f64::from(u8::from(j == 12)));
+        let inner = d0[j] + (d1[j] + (d2[j] + d3[j] * s) * t) * s;
+        s * (b[j] + t * (first - b[j] + s * (2.0 * b[j] - first - last + t * inner)))
+    })
+}

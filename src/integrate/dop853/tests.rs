@@ -1,8 +1,7 @@
-use super::coefficients::{A, C, E3, E5, Row, STAGES};
-use super::tables::{SQUARE, chain, sum, weights};
+use super::coefficients::{A, C, E3, E5, Row, SQUARE, STAGES, chain, sum, weights};
 use super::{Dop853, END};
 use crate::integrate::oscillator::{Oscillator, Way};
-use crate::integrate::substeps::drawn_with_jerks;
+use crate::integrate::substeps::pulled_with_kinks;
 use crate::integrate::{AdaptiveStepper, TimeStepper};
 use crate::spring::Spring;
 use crate::system::{ExternalForce, State, StateView, System, SystemBuilder};
@@ -87,10 +86,7 @@ fn the_interpolant_meets_the_order_conditions() {
     }
 }
 
-/// Of 240 products of rows and columns below the diagonal.
-const SQUARE_ENTRIES: usize = 82;
-
-/// Sums of products that the method's conditions make zero are exactly zero, and no others.
+/// Sums of products that the method's conditions make zero are exactly zero, and no others; so are other sums within rounding.
 #[test]
 fn squares_have_the_zeros_of_the_matrix() {
     for i in 1..STAGES {
@@ -102,19 +98,10 @@ fn squares_have_the_zeros_of_the_matrix() {
     }
     assert_eq!(chain(&A[END], &A), SQUARE[END]);
     let entries = |rows: &[Row; STAGES]| rows.iter().flatten().filter(|entry| **entry != 0.0).count();
-    assert_eq!((entries(&SQUARE), entries(&A)), (SQUARE_ENTRIES, 82));
-}
-
-/// Sums and products that are zero but for rounding are zero; what is large enough to be a coefficient's stays.
-#[test]
-fn rounding_of_zeros_is_taken_off() {
+    assert_eq!((entries(&SQUARE), entries(&A)), (82, 82));
     for (value, expected) in [(0.3, 0.3), (-0.3, -0.3), (1e-12, 1e-12), (-1e-12, -1e-12), (9e-13, 0.0), (-9e-13, 0.0)] {
-        let mut row = [0.0; STAGES];
-        row[3] = value;
-        let mut matrix = [[0.0; STAGES]; STAGES];
-        matrix[3][5] = 1.0;
-        let mut product = [0.0; STAGES];
-        product[5] = expected;
+        let (mut row, mut matrix, mut product) = ([0.0; STAGES], [[0.0; STAGES]; STAGES], [0.0; STAGES]);
+        (row[3], matrix[3][5], product[5]) = (value, 1.0, expected);
         assert_eq!((sum(&row), chain(&row, &matrix)), (expected, product), "{value}");
     }
 }
@@ -172,8 +159,8 @@ fn samples_between_steps_are_of_eighth_order() {
     }
 }
 
-/// Accelerations at the beginning of a step are kept over rejections and, where the interpolant has them, from the step
-/// before, but not past a restart.
+/// Accelerations at the start of a step are reused after rejections and, where the interpolant has them, from the last
+/// step, but not after a restart.
 #[test]
 fn evaluations_are_not_repeated() {
     let (system, start, _) = oscillator();
@@ -202,7 +189,7 @@ fn evaluations_are_not_repeated() {
     stepper.try_step(&state, 0.05).unwrap();
     count(&stepper, 11);
     stepper.accept(&mut kept);
-    // The same as by a stepper that knows nothing of before.
+    // The same as by a new stepper.
     let mut afresh = state.clone();
     let mut other = Dop853::new(&system, &state).unwrap();
     other.try_step(&state, 0.05).unwrap();
@@ -215,10 +202,10 @@ fn evaluations_are_not_repeated() {
     count(&stepper, 12);
 }
 
-/// Fixed steps are cut at kinks: as with steps that end there.
+/// Fixed steps are cut at kinks, with the same result as steps that end there.
 #[test]
 fn steps_are_cut_at_kinks() {
-    let (system, start) = drawn_with_jerks();
+    let (system, start) = pulled_with_kinks();
     let run = |steps: &[f64]| {
         let mut state = start.clone();
         let mut stepper = Dop853::new(&system, &state).unwrap();
@@ -242,7 +229,7 @@ fn scalar(lambda: Complex<f64>, h: f64) -> [Complex<f64>; 3] {
     [sum(&A[END], &rates) + 1.0, sum(&E5, &rates), sum(&E3, &rates)]
 }
 
-/// A step of 0.6 s between two kinks: the new state, both estimates, and how wrong it says to be, see the head of `dop853.rs`.
+/// A step of 0.6 s between two kinks: the new state, both estimates, and the local error.
 #[test]
 fn steps_and_estimates_are_those_of_the_formula() {
     for (way, damping, tolerance) in [(Way::Along, 0.8, 1e-12), (Way::Along, 0.0, 1e-12), (Way::Across, 0.0, 1e-6)] {
@@ -283,9 +270,9 @@ fn steps_and_estimates_are_those_of_the_formula() {
     }
 }
 
-/// Two pieces of a step are wrong by what each is: the path has a kink in the middle of it.
+/// The errors of substeps add up: the path has a kink in the middle of the step.
 #[test]
-fn pieces_of_a_step_add_up_their_errors() {
+fn errors_of_substeps_add_up() {
     let oscillator = Oscillator::new(Way::Along, 0.8, 1.75);
     let Oscillator { system, start, .. } = &oscillator;
     let wrong = |steps: &[f64]| {
@@ -302,9 +289,9 @@ fn pieces_of_a_step_add_up_their_errors() {
     assert!(cut > 0.0 && (whole / cut - 1.0).abs() < 1e-9, "{whole} {cut}");
 }
 
-/// Where nothing moves no step is wrong.
+/// Where nothing moves there is no error.
 #[test]
-fn steps_of_what_rests_are_not_wrong() {
+fn steps_at_rest_have_no_error() {
     let mut builder = SystemBuilder::new();
     builder.particle([1.0; 3], 1.0);
     let (system, mut state) = builder.build().unwrap();
@@ -323,7 +310,7 @@ impl ExternalForce for Numbered {
     }
 }
 
-/// However many particles there are, each moves by its own acceleration.
+/// Each of many particles moves by its own acceleration.
 #[test]
 fn every_particle_has_its_own_acceleration() {
     let mut builder = SystemBuilder::new();

@@ -1,78 +1,80 @@
-//! The energy ledger of a run.
+//! The energy balance of a run.
 //!
 //! ```text
-//! E(t) − E(0) = work of moving constraints − dissipation of damping + imbalance.
+//! E(t) − E(0) = work of constraints and external forces − dissipation of damping + imbalance.
 //! ```
 //!
-//! Energies are those of the states, and hold no error of their own; work and dissipation are integrals over the steps, right to
-//! the fourth order where steps resolve the motion (see `springs` and `driven`). So the imbalance is what the method added
-//! (positive: energy from nowhere) or took away (negative: its own dissipation), and the quadrature's O(dt⁴).
+//! Energies are those of the states and hold no error of their own; work and dissipation are integrals over the steps, right to
+//! fourth order where steps resolve the motion (see `springs` and `work`). So the imbalance is the energy that the method adds
+//! (positive) or takes away (negative, its own dissipation), and the O(dt⁴) of the quadrature.
+//!
+//! A scene that nothing holds flies and falls as a whole, which no spring sees: the energy of its centre of mass is known apart.
 
-use super::constraint_work::{DrivenEnergy, Exchange};
-use super::particles::{self, Carried};
-use super::sums;
+use super::springs::Sums;
+use super::work::BodyEnergy;
 use crate::force::Energy;
+use crate::system::{State, System};
+use nalgebra::Vector3;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Where the energy of a run went since its start, in J.
+/// The balance of a run's energy since its start, in J.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Balance {
     /// Work done by moving constraints, and by external forces.
     pub work: f64,
-    /// Taken by damping.
+    /// Dissipated by damping.
     pub dissipated: f64,
     /// Final energy − initial energy − work + dissipated: energy from nowhere where positive, the method's own dissipation
     /// where negative.
     pub imbalance: f64,
 }
 
-/// The account of a run so far.
+/// The energies of a run so far.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct EnergyBalance {
     pub initial: Energy,
     pub energy: Energy,
-    /// Energy of the moving coordinates themselves, at the start and now.
-    led: [DrivenEnergy; 2],
+    /// Energy of the moving prescribed coordinates themselves, at the start and now.
+    led: [BodyEnergy; 2],
     /// Energy of the centre of mass of a scene that nothing holds.
-    carried: DrivenEnergy,
-    /// Work of constraints on springs.
+    carried: BodyEnergy,
+    /// Work of constraints on springs, and of external forces.
     work: f64,
     dissipated: f64,
     /// The least that damping can have taken.
     certain: f64,
 }
 
-/// The part of the scene that exchanges energy: without the moving coordinates themselves, and without the centre of mass of a scene
-/// that nothing holds. In J.
+/// The part of the scene that exchanges energy: without the moving coordinates themselves, and without the centre of mass of a
+/// scene that nothing holds. In J.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Free {
     pub kinetic: f64,
     /// Elastic and gravitational.
     pub potential: f64,
-    /// Work that constraints did on springs since the start.
     pub work: f64,
-    /// What damping took at least.
     pub certain: f64,
-    /// The magnitude of the numbers whose sums these are: rounding is a few 1e-16 of it.
+    /// The sum of the magnitudes of the energies, to which rounding is relative.
     pub magnitude: f64,
 }
 
 impl EnergyBalance {
-    /// At a state with the given sums.
-    pub fn new(springs: &sums::Sums, particles: &particles::Sums, led: DrivenEnergy) -> Self {
+    /// At the start of a run.
+    pub fn new(springs: &Sums, particles: &ParticleSums, led: BodyEnergy) -> Self {
         let energy = energy(springs, particles);
-        let carried = carried(&particles.carried);
+        let carried = particles.carried();
         Self { initial: energy, energy, led: [led; 2], carried, work: 0.0, dissipated: 0.0, certain: 0.0 }
     }
 
-    /// Enters a step.
-    pub fn enter(&mut self, springs: &sums::Sums, particles: &particles::Sums, led: DrivenEnergy, exchange: &Exchange) {
-        self.energy = energy(springs, particles);
+    /// Enters a step; `sums` holds the energies of the springs, and the work and dissipation of the step.
+    pub fn enter(&mut self, sums: &Sums, particles: &ParticleSums, led: BodyEnergy) {
+        self.energy = energy(sums, particles);
         self.led[1] = led;
-        self.carried = carried(&particles.carried);
-        self.work += exchange.work;
-        self.dissipated += springs.dissipated + exchange.dissipated;
-        self.certain += springs.certain + exchange.certain;
+        self.carried = particles.carried();
+        self.work += sums.work;
+        self.dissipated += sums.dissipated;
+        self.certain += sums.certain;
     }
 
     pub fn balance(&self) -> Balance {
@@ -80,7 +82,7 @@ impl EnergyBalance {
         self.balance_of(&self.energy, self.work + (now.total() - before.total()), self.dissipated)
     }
 
-    /// Of a state between two steps, with its own energy and the work and dissipation until then.
+    /// At a state with its own energy, and the work and dissipation until then.
     pub fn balance_of(&self, energy: &Energy, work: f64, dissipated: f64) -> Balance {
         let imbalance = energy.total() - self.initial.total() - work + dissipated;
         Balance { work, dissipated, imbalance }
@@ -99,13 +101,60 @@ impl EnergyBalance {
     }
 }
 
-fn energy(springs: &sums::Sums, particles: &particles::Sums) -> Energy {
+fn energy(springs: &Sums, particles: &ParticleSums) -> Energy {
     Energy { kinetic: particles.kinetic, elastic: springs.elastic, gravitational: 0.0 - particles.weight }
 }
 
-fn carried(of: &Carried) -> DrivenEnergy {
-    DrivenEnergy { kinetic: of.kinetic, gravitational: 0.0 - of.weight }
+/// Sums over particles at a state.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct ParticleSums {
+    /// `Σ ½ m v²`, in J.
+    pub kinetic: f64,
+    /// `Σ m gravity·x`, in J.
+    pub weight: f64,
+    /// `Σ m` and `Σ m v` of a scene that nothing holds, else zero.
+    pub mass: f64,
+    pub momentum: Vector3<f64>,
 }
 
-#[cfg(test)]
-mod tests;
+impl ParticleSums {
+    /// At a state; `is_loose` where nothing holds the scene. Sums are made block by block, whatever the number of threads.
+    pub fn at(system: &System, state: &State, is_loose: bool) -> Self {
+        const BLOCK: usize = 4096;
+        let own = system.own_particles();
+        let block = |number: usize| {
+            let (gravity, masses) = (system.gravity(), system.masses());
+            let mut sums = Self::default();
+            for p in number * BLOCK..own.min((number + 1) * BLOCK) {
+                let (x, v, mass) = (state.positions[p], state.velocities[p], masses[p]);
+                sums.kinetic += 0.5 * mass * v.norm_squared();
+                sums.weight += mass * gravity.dot(&x);
+                if is_loose {
+                    sums.mass += mass;
+                    sums.momentum += v * mass;
+                }
+            }
+            sums
+        };
+        let count = own.div_ceil(BLOCK);
+        let blocks: Vec<Self> =
+            if count > 1 { (0..count).into_par_iter().map(block).collect() } else { (0..count).map(block).collect() };
+        let sums = blocks.iter().fold(Self::default(), |sum, block| Self {
+            kinetic: sum.kinetic + block.kinetic,
+            weight: sum.weight + block.weight,
+            mass: sum.mass + block.mass,
+            momentum: sum.momentum + block.momentum,
+        });
+        let [kinetic, weight, mass] = system.total([sums.kinetic, sums.weight, sums.mass]);
+        Self { kinetic, weight, mass, momentum: Vector3::from(system.total(sums.momentum.into())) }
+    }
+
+    /// The energy of the centre of mass of a scene that nothing holds.
+    fn carried(&self) -> BodyEnergy {
+        if self.mass == 0.0 {
+            return BodyEnergy::default();
+        }
+        let kinetic = 0.5 * self.momentum.norm_squared() / self.mass;
+        BodyEnergy { kinetic, gravitational: 0.0 - self.weight }
+    }
+}

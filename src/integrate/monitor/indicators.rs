@@ -1,26 +1,20 @@
-//! What a run says of its own accuracy, and when it warns.
+//! The accuracy of a run by its own estimate, and warnings.
 //!
-//! The estimate is the [propagated error](crate::integrate::PropagatedError) over the extent of the scene. One threshold holds for all methods. The
-//! energy balance sees what the error of positions does not: energy from nowhere.
+//! The estimate is the [propagated error](crate::integrate::PropagatedError) over the extent of the scene. Energy from nowhere is
+//! an error that positions do not show.
 
 use serde::Serialize;
 
-/// The estimate above which a run of fixed steps is called inaccurate. Estimates are within ten times of the truth in nine runs of ten, and a run that is wrong by
-/// 30 %, a picture of another motion, is not to be silent: a fifteenth of that.
+/// The estimate above which a run of fixed steps warns. Nine in ten estimates are within ten times of the true error (study of
+/// random scenes, `verification/study.md`), and an error of 30 % must not go unnoticed: a fifteenth of that.
 pub const INACCURATE: f64 = 0.02;
 
-/// Tolerances above which an adaptive run is called inaccurate: `rtol` promises about the error at the end, within five times.
-const WITHIN: f64 = 5.0;
-
-/// Energy gained, in units of what the motion exchanged, from which it is reported: explicit methods swing by as much within their limits of
-/// stability (symplectic Euler with hω = 1 by a third of it, with 1.5 by more than all of it).
-const GAINED: f64 = 1.0;
-
-/// Figures of a run up to a state. Lengths are relative to the extent X of the scene at that state, `‖x − centroid‖` over all particles.
+/// The indicators of a run up to a state. Lengths are relative to the extent X of the scene at that state, `‖x − centroid‖` over
+/// all particles.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ErrorIndicators {
-    /// Steps.
+    /// Steps done.
     pub steps: u64,
     /// Length of the run, in s.
     pub duration: f64,
@@ -30,37 +24,37 @@ pub struct ErrorIndicators {
     pub estimate: Option<f64>,
     /// `Σ ‖δ_x‖/X`, the plain sum of local errors.
     pub local_errors: f64,
-    /// What linearised steps left out over what they balanced, see [`PropagatedError::left_out`](crate::integrate::PropagatedError::left_out).
+    /// See [`PropagatedError::left_out`](crate::integrate::PropagatedError::left_out).
     pub left_out: f64,
     /// The time, in s, until which the estimate was below the threshold; `None` where it still is.
     pub predictable_until: Option<f64>,
-    /// Energy that the motion exchanged, in J: the kinetic energy it started with, what it released, and what it was given; without that of
-    /// the centre of mass where nothing holds the scene.
+    /// Energy that the motion exchanged, in J: kinetic energy at the start, potential energy released, and work; without the
+    /// centre of mass of a scene that nothing holds.
     pub exchanged: f64,
-    /// The most that appeared from nowhere, in J, from the lowest imbalance before, above rounding.
+    /// The largest energy that appeared from nowhere, in J, counted from the lowest imbalance before.
     pub gained: f64,
-    /// What the method took away by the end, in J; negative where it gave. Without the centre of mass where nothing holds the scene.
+    /// Energy that the method took away by the end, in J; negative where it gave.
     pub lost: f64,
 }
 
-/// What makes a run doubtful.
+/// A reason to doubt a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Warning {
     /// The relative position error at the end is large.
     Inaccurate {
-        /// About that.
+        /// The estimate.
         estimate: f64,
         /// The time, in s, until which positions are predictable to the threshold.
         until: Option<f64>,
-        /// By how much the motion magnified the local errors of the steps.
+        /// The factor by which the motion magnified the local errors of the steps.
         magnified: f64,
     },
-    /// Energy appeared from nowhere, in J, where the motion exchanged so much.
+    /// Energy appeared from nowhere.
     Gained {
-        /// Appeared.
+        /// In J.
         gained: f64,
-        /// Exchanged.
+        /// Energy that the motion exchanged, in J.
         exchanged: f64,
     },
 }
@@ -86,7 +80,7 @@ impl std::fmt::Display for Warning {
     }
 }
 
-/// A relative error for people: one or two digits, in percent.
+/// A relative error in percent, with one or two digits.
 pub fn percent(error: f64) -> String {
     let percent = 100.0 * error;
     match percent {
@@ -100,12 +94,12 @@ pub fn percent(error: f64) -> String {
 }
 
 impl ErrorIndicators {
-    /// Whether the estimate is above what is right for a run, of steps that keep to a relative tolerance where one is given.
+    /// The estimate is above the threshold, for adaptive steps that of their tolerance.
     pub fn is_inaccurate(&self, rtol: Option<f64>) -> bool {
         self.estimate.is_some_and(|estimate| estimate > threshold(rtol))
     }
 
-    /// What makes a run doubtful, the error first.
+    /// The reasons to doubt the run, the error first.
     pub fn warnings(&self, rtol: Option<f64>) -> Vec<Warning> {
         let Self { estimate, local_errors, exchanged, gained, predictable_until: until, .. } = *self;
         let inaccurate = estimate.filter(|_| self.is_inaccurate(rtol)).map(|estimate| Warning::Inaccurate {
@@ -113,14 +107,16 @@ impl ErrorIndicators {
             until,
             magnified: if local_errors > 0.0 { estimate / local_errors } else { 1.0 },
         });
-        let gains = (gained > GAINED * exchanged).then_some(Warning::Gained { gained, exchanged });
+        // Within their stability limit explicit methods swing by as much.
+        let gains = (gained > exchanged).then_some(Warning::Gained { gained, exchanged });
         inaccurate.into_iter().chain(gains).collect()
     }
 }
 
-/// The estimate above which a run is called inaccurate.
+/// The estimate above which a run warns: [`INACCURATE`], or five times the tolerance of adaptive steps, which is about the error
+/// at the end.
 pub fn threshold(rtol: Option<f64>) -> f64 {
-    rtol.map_or(INACCURATE, |rtol| WITHIN * rtol)
+    rtol.map_or(INACCURATE, |rtol| 5.0 * rtol)
 }
 
 #[cfg(test)]

@@ -1,43 +1,34 @@
-//! The energy balance of a run, the watch over energy from nowhere, and the propagated error of the run.
+//! The monitor of a run: its energy balance, energy from nowhere, and its propagated error.
 //!
-//! After every accepted step one pass over the springs and one over the particles see the new state. Sums are made in blocks, so that they
-//! have the same bits whatever the number of threads.
+//! After every accepted step one pass over the springs and one over the particles see the new state.
 
-mod batch;
-mod constraint_work;
 mod energy_balance;
-mod external;
 mod growth;
 mod indicators;
-mod particles;
 mod springs;
-mod sums;
+mod work;
 
 pub use energy_balance::Balance;
 pub use indicators::{ErrorIndicators, INACCURATE, Warning, percent, threshold};
 
-use super::spring_visitor::SpringVisitor;
-use super::{CompletedStep, PropagatedError, StepFailure, TimeStepper};
+use super::{CompletedStep, PropagatedError, SpringVisitor, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::force::{Energy, actuation_power};
+use crate::force::Energy;
 use crate::memory;
 use crate::system::{State, System};
-use constraint_work::ConstraintWork;
-use energy_balance::EnergyBalance;
-use external::External;
-use growth::{Growth, Past, Unstable};
+use energy_balance::{EnergyBalance, ParticleSums};
+use growth::{Growth, GrowthRecord};
 use nalgebra::Vector3;
-use particles::Particles;
 use serde::{Deserialize, Serialize};
 use springs::Springs;
+use work::Work;
 
-/// What a monitor is to do.
+/// Options of a monitor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MonitorOptions {
-    /// The relative position error until which positions count as predictable; `None` where the errors of steps are not to be propagated, and nothing is
-    /// known of the error.
+    /// The relative position error up to which positions count as predictable; `None` where no errors are propagated.
     pub threshold: Option<f64>,
-    /// Whether energy from nowhere ends the run.
+    /// Energy from nowhere ends the run.
     pub stops_unstable: bool,
 }
 
@@ -52,19 +43,21 @@ impl Default for MonitorOptions {
     }
 }
 
-/// What a monitor knows of a run: enough to go on from a state.
+/// The part of a monitor with which a run is continued in another process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MonitorCheckpoint {
-    ledger: EnergyBalance,
-    past: Past,
+    #[serde(rename = "ledger")]
+    balance: EnergyBalance,
+    #[serde(rename = "past")]
+    growth: GrowthRecord,
     steps: u64,
     duration: f64,
     error: Option<PropagatedError>,
     predictable_until: Option<f64>,
 }
 
-/// Accompanies a run; see the module.
+/// The monitor of a run; see the module.
 ///
 /// # Examples
 /// ```
@@ -91,63 +84,50 @@ pub struct Monitor<'s> {
     system: &'s System,
     options: MonitorOptions,
     springs: Springs<'s>,
-    particles: Particles<'s>,
-    drive: ConstraintWork<'s>,
-    external: Option<External>,
-    /// The power that springs take up by changing their rest lengths, in W.
-    power: f64,
-    ledger: EnergyBalance,
-    /// At the state before, with its time.
+    work: Work<'s>,
+    /// Nothing holds the scene.
+    is_loose: bool,
+    balance: EnergyBalance,
+    /// The balance at the state before, and the times of both.
     before: EnergyBalance,
     times: [f64; 2],
     growth: Growth,
     steps: u64,
     duration: f64,
-    /// The error of the run, where it is to be known and the method knows how.
+    /// `None` where errors are not propagated, or the method does not know how.
     error: Option<PropagatedError>,
     predictable_until: Option<f64>,
-    /// Where the step at hand began, where errors are propagated.
+    /// The start of the step at hand, where errors are propagated.
     started: State,
+    /// Positions at the start of the run.
     start: Vec<Vector3<f64>>,
 }
 
-/// Bytes of what is kept of a spring and of a particle, at most; the last batch of springs is filled up.
-const SPRING: u64 = 100;
-const PARTICLE: u64 = 450;
-
-/// The parabola of a rate over a step in Legendre polynomials, see `springs`.
-struct Sides {
-    mean: f64,
-    slope: f64,
-    bend: f64,
-}
-
 impl<'s> Monitor<'s> {
-    /// From the state that a run starts from.
+    /// At the start of a run.
     ///
     /// # Errors
     /// Coincident ends of a spring; too little memory.
     pub fn new(system: &'s System, state: &State, options: MonitorOptions) -> Result<Self> {
         let [springs, particles] = [system.springs().len() as u64, system.particles() as u64];
-        memory::ensure(SPRING * springs + PARTICLE * particles, "what accompanies a run")?;
-        let drive = ConstraintWork::new(system, state);
-        let mut springs = Springs::new(system, state, drive.springs());
-        let particles = Particles::new(system);
-        let sums = (springs.pass(&state.moment(), 0.0), particles.pass(state));
-        let ledger = EnergyBalance::new(&sums.0, &sums.1, drive.energy(state));
-        let growth = Growth::new(system, &ledger, state);
+        // Bytes of the lists below, at most.
+        memory::ensure(100 * springs + 450 * particles, "what accompanies a run")?;
+        let work = Work::new(system, state);
+        let springs = Springs::new(system, state, work.driven());
+        let [prescribed] = system.total([system.prescribed().iter().count() as f64]);
+        let is_loose = prescribed == 0.0 && !system.has_external_forces();
+        let particles = ParticleSums::at(system, state, is_loose);
+        let balance = EnergyBalance::new(&springs.total(), &particles, work.energy(state));
         Ok(Self {
             system,
             options,
             springs,
-            particles,
-            drive,
-            external: External::new(system, state),
-            power: actuation_power(system, &state.moment()),
-            ledger,
-            before: ledger,
+            work,
+            is_loose,
+            balance,
+            before: balance,
             times: [state.time; 2],
-            growth,
+            growth: Growth::new(system, &balance, state),
             steps: 0,
             duration: 0.0,
             error: options.threshold.map(|_| PropagatedError::none(system)),
@@ -160,43 +140,35 @@ impl<'s> Monitor<'s> {
     /// Enters the state after a number of steps, the last of dt seconds.
     ///
     /// # Errors
-    /// [`StepFailure::Unstable`] when energy has appeared from nowhere, if that is to end the run.
+    /// [`StepFailure::Unstable`] when energy has appeared from nowhere, if that is to end the run;
+    /// [`StepFailure::NonFinite`] when an energy is not finite.
     pub fn enter(&mut self, steps: u64, state: &State, dt: f64) -> Result<(), StepFailure> {
-        self.before = self.ledger;
+        self.before = self.balance;
         self.times = [self.times[1], state.time];
-        let (springs, particles) = (self.springs.enter(state, dt), self.particles.pass(state));
-        let mut exchange = self.drive.pass(state, dt);
-        exchange.work += self.external.as_mut().map_or(0.0, |external| external.pass(self.system, state));
-        // The trapezoidal rule of what springs take up by changing their rest lengths.
-        let power = actuation_power(self.system, &state.moment());
-        exchange.work += 0.5 * (self.power + power) * dt;
-        self.power = power;
-        self.ledger.enter(&springs, &particles, self.drive.energy(state), &exchange);
+        let springs = self.springs.enter(state, dt);
+        let particles = ParticleSums::at(self.system, state, self.is_loose);
+        let sums = springs.add(&self.work.enter(state, dt));
+        self.balance.enter(&sums, &particles, self.work.energy(state));
         if self.has_overflowed() {
             return Err(StepFailure::NonFinite);
         }
         self.steps += 1;
         self.duration += dt;
-        let grown = self.growth.enter(&self.ledger, steps, state, dt);
+        let grown = self.growth.enter(&self.balance, steps, state, dt);
         if !self.growth.exchanged().is_finite() {
             return Err(StepFailure::NonFinite);
         }
-        match grown {
-            Some(Unstable { gained, exchanged }) if self.options.stops_unstable => {
-                Err(StepFailure::Unstable { gained, exchanged })
-            }
-            _ => Ok(()),
-        }
+        if self.options.stops_unstable { grown } else { Ok(()) }
     }
 
-    /// Takes note of where a step begins.
+    /// A step begins at this state.
     pub(super) fn begin_step(&mut self, state: &State) {
         if self.error.is_some() {
             self.started.copy_from(state);
         }
     }
 
-    /// Propagates the error of the run over a step of dt seconds to a state, by the method that did it.
+    /// Propagates the error of the run over a step of dt seconds to a state, by the method that made it.
     pub(super) fn propagate(&mut self, stepper: &mut (impl TimeStepper + ?Sized), state: &State, dt: f64) {
         let Self { system, error, started, options, .. } = self;
         let Some(known) = error else { return };
@@ -213,27 +185,27 @@ impl<'s> Monitor<'s> {
         }
     }
 
-    /// The account of the springs, for a method that goes through them anyway.
+    /// The pass over the springs, for a method that goes through them anyway.
     pub(super) fn springs(&mut self) -> &mut dyn SpringVisitor {
         &mut self.springs
     }
 
-    /// Says that the step entered next may err by so much energy, in J, by the method's own estimate: that much of growth is none.
+    /// The step entered next may err by so much energy, in J, by the method's own estimate: that much growth does not count.
     pub fn doubt(&mut self, energy: f64) {
         self.growth.doubt(energy);
     }
 
-    /// Whether the energy of the state entered last, or what has been exchanged until then, is no number.
+    /// The energy of the state entered last, or that exchanged until then, is not finite.
     pub(super) fn has_overflowed(&self) -> bool {
         let Balance { work, dissipated, imbalance } = self.balance();
-        ![self.ledger.energy.total(), work, dissipated, imbalance].into_iter().all(f64::is_finite)
+        ![self.balance.energy.total(), work, dissipated, imbalance].into_iter().all(f64::is_finite)
     }
 
-    /// What it knows of the run so far, to go on with.
+    /// The record with which the run can be [continued](Self::continued).
     pub fn account(&self) -> MonitorCheckpoint {
         MonitorCheckpoint {
-            ledger: self.ledger,
-            past: self.growth.past(),
+            balance: self.balance,
+            growth: self.growth.record,
             steps: self.steps,
             duration: self.duration,
             error: self.error.clone(),
@@ -241,8 +213,7 @@ impl<'s> Monitor<'s> {
         }
     }
 
-    /// Goes on with a run that began with the first of two states and has come to the second, after so many steps: with what it
-    /// knew of it, but for the last step, of which the figures that compare two steps begin anew.
+    /// Continues a run that began with the first of two states and has come to the second, after so many steps.
     ///
     /// # Errors
     /// Coincident ends of a spring; too little memory.
@@ -253,26 +224,27 @@ impl<'s> Monitor<'s> {
         account: &MonitorCheckpoint,
         options: MonitorOptions,
     ) -> Result<Self> {
-        let MonitorCheckpoint { ledger, ref past, steps: done, duration, ref error, predictable_until } = *account;
+        let MonitorCheckpoint { balance, growth, steps: done, duration, ref error, predictable_until } = *account;
         let fresh = Self::new(system, state, options)?;
-        let growth = Growth::continued(past, &ledger, steps, state);
+        let growth = Growth::continued(growth, &balance, steps, state);
         let error = error.clone().filter(|error| error.fits(system));
         let start = start.positions.clone();
-        Ok(Self { ledger, before: ledger, growth, steps: done, duration, error, predictable_until, start, ..fresh })
+        Ok(Self { balance, before: balance, growth, steps: done, duration, error, predictable_until, start, ..fresh })
     }
 
-    /// The failure that energy from nowhere makes of a run at its last state, where it has grown and is to end the run.
+    /// [`StepFailure::Unstable`] where energy has grown at the last state, if that is to end the run.
     pub(super) fn growth(&self) -> Option<StepFailure> {
         let is_above = self.options.stops_unstable && self.growth.is_above();
-        is_above.then(|| StepFailure::Unstable { gained: self.growth.gained, exchanged: self.growth.exchanged() })
+        let (gained, exchanged) = (self.growth.record.gained, self.growth.exchanged());
+        is_above.then_some(StepFailure::Unstable { gained, exchanged })
     }
 
-    /// Puts back the last state from before energy appeared, and its account; returns the number of steps that led to it.
+    /// Restores the last state from before energy appeared, with its balance; returns the number of steps that led to it.
     pub(super) fn restore(&mut self, state: &mut State) -> u64 {
-        let kept = self.growth.kept();
-        state.copy_from(&kept.state);
-        self.ledger = kept.ledger;
-        kept.steps
+        let saved = &self.growth.saved;
+        state.copy_from(&saved.state);
+        self.balance = saved.balance;
+        saved.steps
     }
 
     /// The propagated error of the run; `None` where it is not known.
@@ -287,31 +259,31 @@ impl<'s> Monitor<'s> {
 
     /// Energy at the start of the run.
     pub fn initial(&self) -> Energy {
-        self.ledger.initial
+        self.balance.initial
     }
 
     /// Energy at the state entered last.
     pub fn energy(&self) -> Energy {
-        self.ledger.energy
+        self.balance.energy
     }
 
-    /// Where the energy went until the state entered last.
+    /// The balance at the state entered last.
     pub fn balance(&self) -> Balance {
-        self.ledger.balance()
+        self.balance.balance()
     }
 
-    /// Where the energy went until a state between the last two, which has the given energy: work and dissipation in
-    /// proportion to the time.
-    pub fn balance_between(&self, time: f64, energy: &Energy) -> Balance {
+    /// The balance at a time between the last two states and with the given energy: work and dissipation in proportion to the
+    /// time.
+    fn balance_between(&self, time: f64, energy: &Energy) -> Balance {
         let [start, end] = self.times;
         let share = if end > start { ((time - start) / (end - start)).clamp(0.0, 1.0) } else { 1.0 };
-        let (from, to) = (self.before.balance(), self.ledger.balance());
+        let (from, to) = (self.before.balance(), self.balance.balance());
         let between = |from: f64, to: f64| from + share * (to - from);
-        self.ledger.balance_of(energy, between(from.work, to.work), between(from.dissipated, to.dissipated))
+        self.balance.balance_of(energy, between(from.work, to.work), between(from.dissipated, to.dissipated))
     }
 
-    /// Energy at a state of the last step, and where it went until then: of the one entered last as it was entered, of one before it
-    /// as [`balance_between`](Self::balance_between) says.
+    /// Energy and balance at a state of the last step: those entered at its end; within it work and dissipation grow in
+    /// proportion to the time.
     pub fn energy_at(&self, state: &State) -> (Energy, Balance) {
         if self.time() == state.time {
             return (self.energy(), self.balance());
@@ -320,7 +292,7 @@ impl<'s> Monitor<'s> {
         (energy, self.balance_between(state.time, &energy))
     }
 
-    /// What the run says of its accuracy up to a state, as a rule its last.
+    /// The indicators of accuracy at a state, ordinarily the last.
     pub fn indicators(&self, state: &State) -> ErrorIndicators {
         let extent = extent(self.system, state, &self.start);
         let error = self.error.as_ref().filter(|_| self.steps > 0);
@@ -333,30 +305,33 @@ impl<'s> Monitor<'s> {
             left_out: error.map_or(0.0, PropagatedError::left_out),
             predictable_until: self.predictable_until,
             exchanged: self.growth.exchanged(),
-            gained: self.growth.gained,
-            lost: self.growth.lost(&self.ledger),
+            gained: self.growth.record.gained,
+            lost: self.growth.lost(&self.balance),
         }
     }
 }
 
-/// The distance of the particles from their centroid; where they are all at one place, from where they started; never zero.
+/// The distance of the particles from their centroid, or from where they started if they are all at one place; never zero.
 fn extent(system: &System, state: &State, start: &[Vector3<f64>]) -> f64 {
     let positions = &state.positions[..system.own_particles()];
     let sum = positions.iter().sum::<Vector3<f64>>();
     let [count, x, y, z] = system.total([positions.len() as f64, sum.x, sum.y, sum.z]);
     let centre = Vector3::new(x, y, z) / count.max(1.0);
-    let (mut spread, mut way, mut largest) = (0.0, 0.0, 0.0_f64);
+    let (mut spread, mut moved, mut largest) = (0.0, 0.0, 0.0_f64);
     for (x, start) in positions.iter().zip(start) {
         spread += (x - centre).norm_squared();
-        way += (x - start).norm_squared();
+        moved += (x - start).norm_squared();
         largest = largest.max(x.norm_squared());
     }
-    let [spread, way] = system.total([spread, way]).map(f64::sqrt);
+    let [spread, moved] = system.total([spread, moved]).map(f64::sqrt);
     let [largest] = system.largest([largest.sqrt()]);
-    [spread, way].into_iter().find(|&length| length > 1e-12 * largest).unwrap_or(1.0)
+    // A spread by rounding is none.
+    [spread, moved].into_iter().find(|&length| length > 1e-12 * largest).unwrap_or(1.0)
 }
 
 #[cfg(test)]
-mod account_tests;
-#[cfg(all(test, feature = "scene"))]
+mod growth_tests;
+#[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod work_tests;

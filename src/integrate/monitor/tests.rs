@@ -1,92 +1,340 @@
-//! The formulas of the ledger against integrals by hand.
+//! A monitor along a run, and its energy balance by hand.
 
-use super::constraint_work::ConstraintWork;
-use super::springs::{Springs, resolved_step};
-use super::{Monitor, MonitorOptions};
+use super::energy_balance::{EnergyBalance, Free, ParticleSums};
+use super::springs::Sums;
+use super::work::BodyEnergy;
+use super::{Balance, Monitor, MonitorOptions};
+use crate::force::Energy;
+use crate::integrate::{Outcome, Schedule, Statistics, Status, StepFailure, TimeStepper, run_monitored};
 use crate::spring::Spring;
-use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
+use crate::system::{Axes, Constraint, ExternalForce, Motion, State, StateView, System, SystemBuilder};
 use nalgebra::Vector3;
+use std::ops::ControlFlow;
 
-/// Two particles on the x axis, joined by a spring of given damping.
-pub(super) fn pair(damping: f64) -> (System, State) {
+/// A particle of 2 kg at 1 m/s, which has 1 J, and one that is held.
+fn free() -> (System, State) {
     let mut builder = SystemBuilder::new();
     builder.particle([0.0; 3], 2.0);
-    builder.particle([1.0, 0.0, 0.0], 3.0);
-    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping });
-    builder.build().unwrap()
+    builder.particle([3.0, 0.0, 0.0], 1.0);
+    builder.hold(1);
+    let (system, mut state) = builder.build().unwrap();
+    state.velocities[0].x = 1.0;
+    (system, state)
 }
 
-fn at(start: &State, x: f64, v: f64) -> State {
-    let mut state = start.clone();
-    state.positions[1].x = x;
-    state.velocities[1].x = v;
+/// The same with another kinetic energy, in J, at a time.
+fn with(state: &State, kinetic: f64, time: f64) -> State {
+    let mut state = State { time, ..state.clone() };
+    state.velocities[0] = Vector3::new(0.0, kinetic.sqrt(), 0.0);
     state
 }
 
-/// l = 1 + r₀t + r₁t²/2 + r₂t³/3: its rate is a parabola, and the integral of its square is exact.
+/// Three steps with five joules from nowhere end a run, where they are to; the last state from before is put back, with its account.
 #[test]
-fn a_rate_that_is_a_parabola_is_integrated_exactly() {
-    let (system, start) = pair(0.7);
-    let [r0, r1, r2, h] = [0.3, -2.0, 5.0, 0.02];
-    let rate = |t: f64| r0 + r1 * t + r2 * t * t;
-    let mut springs = Springs::new(&system, &at(&start, 1.0, r0), std::iter::empty());
-    let sums = springs.enter(&at(&start, 1.0 + h * (r0 + h * (r1 / 2.0 + h * r2 / 3.0)), rate(h)), h);
-    // ∫ (r₀ + r₁t + r₂t²)² dt.
-    let integral =
-        h * (r0 * r0 + h * (r0 * r1 + h * ((r1 * r1 + 2.0 * r0 * r2) / 3.0 + h * (r1 * r2 / 2.0 + h * r2 * r2 / 5.0))));
-    approx::assert_relative_eq!(sums.dissipated, 0.7 * integral, max_relative = 1e-9);
-    let mean = r0 + h * (r1 / 2.0 + h * r2 / 3.0);
-    approx::assert_relative_eq!(sums.certain, 0.7 * h * mean * mean, max_relative = 1e-9);
-    assert!(sums.certain < sums.dissipated);
-}
-
-/// Where steps do not resolve a spring only what is certain counts. Its own times: 1/sqrt(k/(l0 μ)) and μ/b, μ = 6/5 kg.
-#[test]
-fn unresolved_springs_dissipate_what_is_certain() {
-    let (system, start) = pair(0.7);
-    let longest = resolved_step(&system, 0);
-    approx::assert_relative_eq!(longest, (0.5 * 1.2 / 6.0f64).sqrt(), max_relative = 1e-14);
-    approx::assert_relative_eq!(resolved_step(&pair(70.0).0, 0), 1.2 / 70.0, max_relative = 1e-14);
-    for (h, is_resolved) in [(0.999 * longest, true), (1.001 * longest, false)] {
-        let mut springs = Springs::new(&system, &at(&start, 1.0, 0.3), std::iter::empty());
-        let sums = springs.enter(&at(&start, 1.05, -0.2), h);
-        assert_eq!(sums.dissipated > sums.certain, is_resolved, "{h}");
+fn energy_from_nowhere_ends_a_run() {
+    let (system, start) = free();
+    for stops in [true, false] {
+        let options = MonitorOptions { stops_unstable: stops, ..MonitorOptions::default() };
+        let mut monitor = Monitor::new(&system, &start, options).unwrap();
+        let enter = |monitor: &mut Monitor, steps: u64, kinetic| {
+            monitor.enter(steps, &with(&start, kinetic, steps as f64), 1.0)
+        };
+        assert_eq!(enter(&mut monitor, 1, 1.25), Ok(()));
+        assert_eq!((monitor.growth(), monitor.time()), (None, 1.0));
+        assert_eq!(enter(&mut monitor, 2, 6.25), Ok(()));
+        assert_eq!(monitor.growth().is_some(), stops);
+        assert_eq!(enter(&mut monitor, 3, 6.25), Ok(()));
+        let last = enter(&mut monitor, 4, 6.25);
+        assert_eq!(last.is_err(), stops);
+        if let Err(StepFailure::Unstable { gained, exchanged }) = last {
+            assert!((gained - 5.25).abs() < 1e-12 && (exchanged - 1.0).abs() < 1e-12, "{gained} {exchanged}");
+        }
+        let mut state = with(&start, 6.25, 4.0);
+        assert_eq!((monitor.restore(&mut state), state), (1, with(&start, 1.25, 1.0)));
+        assert!((monitor.energy().total() - 1.25).abs() < 1e-12);
     }
 }
 
-/// A spring between a held particle and one that is led straight away from it: T = κ(l − l0) + b u, and the work is
-/// `∫ T u dt`, elastic energy gained and dissipation.
+/// Energy in doubt by the method's own estimate is no growth.
 #[test]
-fn a_led_particle_does_the_work_that_its_spring_takes() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 2.0);
-    builder.particle([1.0, 0.0, 0.0], 3.0);
-    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.7 });
-    builder.hold(0);
-    let motion = Motion::Velocity(Vector3::new(0.3, 0.0, 0.0));
-    builder.constrain(Constraint { particles: vec![1], axes: Axes::of(&[0]), motion });
-    let (system, mut state) = builder.build().unwrap();
-    state.prescribe(&system);
-    let mut drive = ConstraintWork::new(&system, &state);
-    assert_eq!(drive.springs().collect::<Vec<_>>(), [0]);
-    approx::assert_relative_eq!(drive.energy(&state).kinetic, 0.5 * 3.0 * 0.09, max_relative = 1e-14);
-    let h = 0.05;
-    state.time = h;
-    // What the state says of the velocity after the step is another matter.
-    state.prescribe(&system);
-    state.velocities[1].x = 99.0;
-    let exchange = drive.pass(&state, h);
-    let elastic = |l: f64| 0.5 * 12.0 * (l - 0.5) * (l - 0.5);
-    let dissipated = 0.7 * 0.09 * h;
-    approx::assert_relative_eq!(exchange.dissipated, dissipated, max_relative = 1e-12);
-    approx::assert_relative_eq!(exchange.certain, dissipated, max_relative = 1e-12);
-    approx::assert_relative_eq!(exchange.work, elastic(1.015) - elastic(1.0) + dissipated, max_relative = 1e-12);
+fn doubted_energy_is_no_growth() {
+    let (system, start) = free();
+    let mut monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
+    monitor.doubt(2.0);
+    for steps in 1..=5 {
+        assert_eq!(monitor.enter(steps, &with(&start, 6.5, steps as f64), 1.0), Ok(()));
+        assert_eq!(monitor.growth(), None);
+    }
 }
 
-/// A hundred bytes for each of two springs, four hundred and fifty for each of three particles.
+/// An energy that is no number ends a run.
 #[test]
-fn memory_is_asked_for_springs_and_particles() {
-    let (system, state) = crate::system::fixtures::row(3);
-    let new = || Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
-    assert_eq!(crate::memory::watch::asked("what accompanies a run", new).1, 2 * 100 + 3 * 450);
+fn energies_beyond_all_numbers_end_a_run() {
+    let (system, start) = free();
+    let mut monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
+    assert!(!monitor.has_overflowed());
+    let mut state = with(&start, 1.0, 1.0);
+    state.velocities[0].y = 1e200;
+    assert_eq!(monitor.enter(1, &state, 1.0), Err(StepFailure::NonFinite));
+    assert!(monitor.has_overflowed());
+}
+
+/// A free particle on a damped spring of 12 N/m that another, which is led, draws along.
+fn drawn() -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.particle([1.0, 0.0, 0.0], 3.0);
+    builder.particle([0.0; 3], 2.0);
+    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.7 });
+    let motion = Motion::Velocity(Vector3::new(0.3, 0.0, 0.0));
+    builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
+    let (system, mut state) = builder.build().unwrap();
+    state.time = 2.0;
+    state.prescribe(&system);
+    state.positions[1] = state.positions[0] - Vector3::x();
+    (system, state)
+}
+
+/// After a step of h seconds that brings the free particle to a velocity by a steady acceleration.
+fn after(system: &System, state: &State, h: f64, v: f64) -> State {
+    let mut next = State { time: state.time + h, ..state.clone() };
+    next.prescribe(system);
+    next.positions[1].x += 0.5 * h * (state.velocities[1].x + v);
+    next.velocities[1].x = v;
+    next
+}
+
+/// Between the ends of a step work and dissipation grow with time, and not beyond them; the end has what it was entered with.
+#[test]
+fn accounts_between_steps_are_in_proportion_to_time() {
+    let (system, start) = drawn();
+    let mut monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
+    let energy = Energy { kinetic: 1.0, elastic: 2.0, gravitational: 0.0 };
+    // Before the first step nothing went anywhere.
+    let initial = monitor.initial().total();
+    assert_eq!(monitor.balance_between(2.0, &energy), Balance { imbalance: 3.0 - initial, ..Balance::default() });
+    let first = after(&system, &start, 0.25, 0.5);
+    monitor.enter(1, &first, 0.25).unwrap();
+    let before = monitor.balance();
+    let second = after(&system, &first, 0.5, 0.25);
+    monitor.enter(2, &second, 0.5).unwrap();
+    let now = monitor.balance();
+    assert!(before.work > 0.1 && now.work > before.work + 0.1);
+    assert!(before.dissipated > 1e-3 && now.dissipated > before.dissipated + 1e-3);
+    for (time, share) in [(2.25, 0.0), (2.375, 0.25), (2.625, 0.75), (2.75, 1.0), (2.0, 0.0), (3.0, 1.0)] {
+        let found = monitor.balance_between(time, &energy);
+        let work = before.work + share * (now.work - before.work);
+        let dissipated = before.dissipated + share * (now.dissipated - before.dissipated);
+        for (found, expected) in
+            [(found.work, work), (found.dissipated, dissipated), (found.imbalance, 3.0 - initial - work + dissipated)]
+        {
+            assert!((found - expected).abs() < 1e-14, "{time}: {found} {expected}");
+        }
+    }
+    assert_eq!(monitor.energy_at(&second), (monitor.energy(), now));
+    let between = after(&system, &first, 0.125, 0.4);
+    let energy = Energy::of(&system, &between);
+    assert_eq!(monitor.energy_at(&between), (energy, monitor.balance_between(2.375, &energy)));
+}
+
+/// A run that goes on from a state knows of what was before as much as one that was never left.
+#[test]
+fn accounts_go_on_where_they_were_left() {
+    let (system, start) = drawn();
+    let mut states = vec![start.clone()];
+    for v in [0.5, 0.25, -0.125, 0.75] {
+        states.push(after(&system, states.last().unwrap(), 0.125, v));
+    }
+    let options = MonitorOptions::default();
+    let enter = |monitor: &mut Monitor, steps: usize| monitor.enter(steps as u64, &states[steps], 0.125).unwrap();
+    let mut whole = Monitor::new(&system, &start, options).unwrap();
+    (1..=2).for_each(|steps| enter(&mut whole, steps));
+    let account = whole.account();
+    let mut later = Monitor::continued(&system, [&start, &states[2]], 2, &account, options).unwrap();
+    assert!(later.account() == account);
+    assert_eq!((later.initial(), later.balance(), later.time()), (whole.initial(), whole.balance(), 2.25));
+    // Before a step is entered there is none to be between the ends of.
+    assert_eq!(later.balance_between(0.0, &later.energy()), whole.balance());
+    let mut state = start.clone();
+    assert_eq!((later.restore(&mut state), &state), (2, &states[2]));
+    (3..=4).for_each(|steps| [&mut whole, &mut later].into_iter().for_each(|monitor| enter(monitor, steps)));
+    assert_eq!(later.balance(), whole.balance());
+    let [whole, later] = [whole, later].map(|monitor| monitor.indicators(&states[4]));
+    assert_eq!((later.steps, later.exchanged, later.gained), (4, whole.exchanged, whole.gained));
+}
+
+/// Figures are relative to the extent of the scene at its end; of a scene at one place to the way from the start.
+#[test]
+fn the_extent_is_the_spread_or_the_way() {
+    let mut builder = SystemBuilder::new();
+    for x in [1.0, 4.0, 4.0] {
+        builder.particle([x, 0.0, 0.0], 1.0);
+    }
+    let (system, start) = builder.build().unwrap();
+    let monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
+    let at = |places: [f64; 3]| {
+        let positions = places.map(|x| Vector3::new(x, 0.0, 0.0)).to_vec();
+        monitor.indicators(&State { positions, ..start.clone() }).extent
+    };
+    // From the centroid at 3: 4 + 1 + 1; at 2: 1 + 1 + 4.
+    assert!((at([1.0, 4.0, 4.0]) - 6f64.sqrt()).abs() < 1e-15 && (at([1.0, 1.0, 4.0]) - 6f64.sqrt()).abs() < 1e-15);
+    // All at 7: from where they were, 36 + 9 + 9. A spread by rounding is none, a little one is one.
+    assert!((at([7.0; 3]) - 54f64.sqrt()).abs() < 1e-14);
+    assert!((at([1.0, 1.0 + 1e-15, 1.0]) - 18f64.sqrt()).abs() < 1e-14);
+    assert!((at([1e6, 1e6 + 1e-8, 1e6]) - ((1e6f64 - 1.0).powi(2) + 2.0 * (1e6f64 - 4.0).powi(2)).sqrt()).abs() < 1e-3);
+    assert!((at([7.0, 7.0, 7.003]) / (3e-3 * (2.0f64 / 3.0).sqrt()) - 1.0).abs() < 1e-9);
+    // The start is that of the whole run.
+    let gathered = State { positions: vec![Vector3::new(7.0, 0.0, 0.0); 3], ..start.clone() };
+    let (account, options) = (monitor.account(), MonitorOptions::default());
+    let later = Monitor::continued(&system, [&start, &gathered], 5, &account, options).unwrap();
+    assert!((later.indicators(&gathered).extent - 54f64.sqrt()).abs() < 1e-14);
+    // At one place from the start on there is no length at all.
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    let (system, start) = builder.build().unwrap();
+    let monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
+    assert_eq!(monitor.indicators(&start).extent, 1.0);
+}
+
+/// Three newtons upwards.
+#[derive(Debug)]
+struct Lift;
+
+impl ExternalForce for Lift {
+    fn add(&self, _: &StateView<'_>, force: &mut [Vector3<f64>]) {
+        force.iter_mut().for_each(|f| f.y += 3.0);
+    }
+}
+
+#[test]
+fn external_forces_do_work() {
+    let (system, mut state) = free();
+    let system = system.with_external_force(Lift);
+    let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
+    for (steps, work) in [(1, 1.5), (2, 3.0)] {
+        state.positions[0].y += 0.5;
+        monitor.enter(steps, &state, 1.0).unwrap();
+        assert_eq!(monitor.balance().work, work);
+    }
+}
+
+/// Doubles the velocities in every step, and fails after some.
+struct Doubling {
+    steps: u64,
+    failing: (u64, StepFailure),
+    statistics: Statistics,
+}
+
+impl TimeStepper for Doubling {
+    fn name(&self) -> &'static str {
+        "doubling"
+    }
+
+    fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        if self.steps == self.failing.0 {
+            return Err(self.failing.1);
+        }
+        self.steps += 1;
+        state.time += dt;
+        state.velocities.iter_mut().for_each(|v| *v *= 2.0);
+        Ok(())
+    }
+
+    fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+}
+
+/// If a step fails while energy grows, growth is the cause, and the state is one from before; else it is the last one.
+#[test]
+fn failures_of_growing_runs_are_reported_as_growth() {
+    let (system, start) = free();
+    let run = |failing: (u64, StepFailure), speed: f64| {
+        let mut state = start.clone();
+        state.velocities[0].x = speed;
+        let mut stepper = Doubling { steps: 0, failing, statistics: Statistics::default() };
+        let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
+        let schedule = Schedule::steps(0.5, 9);
+        let see = |_: u64, _: &State, _: &Monitor| ControlFlow::Continue(());
+        (run_monitored(&mut stepper, &mut state, &schedule, &mut monitor, see), state)
+    };
+    let reported = |outcome: &Outcome| {
+        let failure = outcome.end.unwrap_err();
+        (outcome.steps, failure.step, failure.time, outcome.status())
+    };
+    // 1, 4 and 16 J: three joules more are not too many, fifteen are.
+    let (outcome, state) = run((1, StepFailure::Tolerance), 1.0);
+    assert_eq!((reported(&outcome), state.time), ((1, 2, 0.5, Status::NotConverged), 0.5));
+    let (outcome, state) = run((2, StepFailure::Tolerance), 1.0);
+    assert_eq!((reported(&outcome), state.time), ((0, 3, 1.0, Status::Unstable), 0.0));
+    // 64 J are more than twenty times all there was: the third step ends the run itself.
+    let (outcome, state) = run((9, StepFailure::Tolerance), 1.0);
+    assert_eq!((reported(&outcome), state.time), ((0, 3, 1.0, Status::Unstable), 0.0));
+    // Energy that is no number, found at once.
+    let (outcome, state) = run((9, StepFailure::Tolerance), 1e154);
+    assert_eq!((reported(&outcome), state.time), ((0, 1, 0.0, Status::NonFinite), 0.0));
+    // At rest nothing grows.
+    let (outcome, state) = run((4, StepFailure::Tolerance), 0.0);
+    assert_eq!((reported(&outcome), state.time), ((4, 5, 2.0, Status::NotConverged), 2.0));
+}
+
+fn sums(elastic: f64, work: f64, dissipated: f64, certain: f64) -> Sums {
+    Sums { elastic, work, dissipated, certain }
+}
+
+fn particles(kinetic: f64, weight: f64) -> ParticleSums {
+    ParticleSums { kinetic, weight, ..ParticleSums::default() }
+}
+
+fn led(kinetic: f64, gravitational: f64) -> BodyEnergy {
+    BodyEnergy { kinetic, gravitational }
+}
+
+/// A start and two steps, entered and added up by hand.
+#[test]
+fn energy_goes_where_the_steps_say() {
+    let mut balance = EnergyBalance::new(&sums(3.0, 0.0, 0.0, 0.0), &particles(10.0, 6.0), led(1.0, 0.5));
+    let initial = Energy { kinetic: 10.0, elastic: 3.0, gravitational: -6.0 };
+    assert_eq!((balance.initial, balance.energy, balance.balance()), (initial, initial, Balance::default()));
+    // Without what is led: 10 − 1, and 3 + (−6 − 0.5).
+    let free = Free { kinetic: 9.0, potential: -3.5, work: 0.0, certain: 0.0, magnitude: 19.5 };
+    assert_eq!(balance.free(), free);
+
+    balance.enter(&sums(5.0, 8.0, 0.75, 0.1875), &particles(20.0, 7.0), led(4.0, 1.0));
+    assert_eq!((balance.initial, balance.energy.total()), (initial, 18.0));
+    // What is led has got 3.5 J, by work that went through no spring.
+    assert_eq!(balance.balance(), Balance { work: 11.5, dissipated: 0.75, imbalance: 18.0 - 7.0 - 11.5 + 0.75 });
+    let free = Free { kinetic: 16.0, potential: -3.0, work: 8.0, certain: 0.1875, magnitude: 33.0 };
+    assert_eq!(balance.free(), free);
+
+    balance.enter(&sums(5.0, 2.0, 1.25, 1.25), &particles(20.0, 7.0), led(4.0, 1.0));
+    assert_eq!(balance.balance(), Balance { work: 13.5, dissipated: 2.0, imbalance: 18.0 - 7.0 - 13.5 + 2.0 });
+    assert_eq!((balance.free().work, balance.free().certain), (10.0, 1.4375));
+
+    // Of another state: its energy of 9 J, and what is said of work and damping.
+    let energy = Energy { kinetic: 4.0, elastic: 6.0, gravitational: -1.0 };
+    let expected = Balance { work: 0.25, dissipated: 4.0, imbalance: 9.0 - 7.0 - 0.25 + 4.0 };
+    assert_eq!(balance.balance_of(&energy, 0.25, 4.0), expected);
+}
+
+/// Masses of 1 kg and 3 kg at 4 m/s and 0: the centre of mass goes at 1 m/s, and has 2 J of the 8 J where nothing is held.
+#[test]
+fn the_centre_of_mass_of_a_free_scene_is_known_by_itself() {
+    for is_held in [false, true] {
+        let mut builder = SystemBuilder::new();
+        builder.gravity(0.0, -10.0, 0.0);
+        builder.particle([0.0, 1.0, 0.0], 1.0);
+        builder.particle([1.0, 2.0, 0.0], 3.0);
+        builder.velocities[0] = Vector3::new(4.0, 0.0, 0.0);
+        if is_held {
+            builder.hold(1);
+        }
+        let (system, state) = builder.build().unwrap();
+        let sums = ParticleSums::at(&system, &state, !is_held);
+        assert_eq!((sums.kinetic, sums.weight), (8.0, -70.0));
+        let free = EnergyBalance::new(&Sums::default(), &sums, BodyEnergy::default()).free();
+        let expected = if is_held { (8.0, 70.0) } else { (6.0, 0.0) };
+        assert_eq!((free.kinetic, free.potential), expected);
+        let monitor = Monitor::new(&system, &state, MonitorOptions::ENERGY).unwrap();
+        assert_eq!(monitor.indicators(&state).exchanged, expected.0);
+    }
 }

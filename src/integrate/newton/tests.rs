@@ -1,7 +1,7 @@
-use super::{NOISE, Newton, NewtonOptions, Point, dot, free_norm, has_no_way};
+use super::control::{ForceBalance, MatrixChoice, NewtonMatrix, Point};
+use super::{NOISE, Newton, NewtonOptions, dot, free_norm, may_start_again};
 use crate::error::DegenerateSpring;
-use crate::integrate::line_search::Balance;
-use crate::integrate::newton_matrix::{Filter, Matrix};
+use crate::integrate::implicit::LinearSystem;
 use crate::integrate::{ImplicitOptions, NotSolved, StepFailure, StiffnessPolicy};
 use crate::linear::SolveFailure;
 use crate::operator::Combination;
@@ -33,7 +33,7 @@ fn scaled_chain(factor: f64) -> (System, State) {
 
 fn newton<'s>(system: &'s System, state: &State, policy: impl Into<StiffnessPolicy>) -> Newton<'s> {
     let options = ImplicitOptions { stiffness: policy.into(), ..ImplicitOptions::default() };
-    Newton::new(system, state, &options, NewtonOptions::default()).unwrap()
+    Newton::new(LinearSystem::new(system, state, &options).unwrap(), state, NewtonOptions::default()).unwrap()
 }
 
 fn close(a: f64, b: f64) -> bool {
@@ -73,7 +73,7 @@ fn the_potential_its_slope_and_the_work_of_damping() {
     assert!(close(point.noise, noise), "{:e} {noise:e}", point.noise);
 }
 
-/// Forces whose squares overflow, and energies that do though their forces do not.
+/// Forces whose squares overflow, energies that do though their forces do not, and slopes.
 #[test]
 fn what_overflows_is_refused() {
     for (stiffness, rest_length, length) in [(1e160, 1.0, 2.0), (1e-50, 1.0, 1e200)] {
@@ -89,6 +89,12 @@ fn what_overflows_is_refused() {
         state.positions[1].x = length;
         assert_eq!(newton.evaluate(&state, 1.0, 0.0).err(), Some(StepFailure::NonFinite), "{stiffness:e}");
     }
+    let (system, state) = weight(36.0, 1.0);
+    let mut newton = newton(&system, &state, Stiffness::Full);
+    newton.displacement[1] = Vector3::new(0.25, 0.0, 0.0);
+    assert!(newton.residual(&state, 0.5).is_ok());
+    newton.direction[1] = Vector3::repeat(1e308);
+    assert_eq!(newton.residual(&state, 0.5), Err(StepFailure::NonFinite));
 }
 
 /// A weight on a spring from the origin at its rest length of 1 m.
@@ -103,9 +109,9 @@ fn weight(stiffness: f64, speed: f64) -> (System, State) {
     (system, state)
 }
 
-/// However much that stretches the spring; what an earlier step has left does not matter.
+/// However much that stretches the spring; displacements and directions of an earlier step do not matter.
 #[test]
-fn it_starts_where_the_velocities_lead() {
+fn it_starts_from_the_predicted_state() {
     for stiffness in [1e-3, 5.0, 1e6] {
         let (system, state) = weight(stiffness, 1.0);
         let mut newton = newton(&system, &state, Stiffness::Full);
@@ -117,11 +123,7 @@ fn it_starts_where_the_velocities_lead() {
         assert!(close(point.potential, 0.125 * stiffness), "{}", point.potential);
         assert_eq!(newton.linear.statistics.work.force_evaluations, 1);
     }
-}
-
-/// Coasting would collapse the spring: the step is then solved from where it starts.
-#[test]
-fn what_cannot_start_ahead_starts_where_it_is() {
+    // The predicted state would collapse the spring: the step is solved from rest.
     let (system, state) = weight(1e-3, -2.0);
     let mut newton = newton(&system, &state, Stiffness::Full);
     assert!(newton.start(&state, 0.5, 1.0).is_err());
@@ -130,58 +132,40 @@ fn what_cannot_start_ahead_starts_where_it_is() {
     assert!(residual < 1e-9, "{residual:e}");
 }
 
-/// Where the iteration found no way on, and not where it has been too long or a matrix was refused.
 #[test]
-fn another_start_is_tried_where_there_is_no_way_on() {
+fn only_stuck_iterations_start_again() {
     let newton = |reason| StepFailure::Newton { iterations: 3, relative_residual: 0.5, reason };
     let degenerate = StepFailure::DegenerateSpring(DegenerateSpring { spring: 0, pair: [0, 1] });
     for failure in [newton(NotSolved::LineSearch), newton(NotSolved::Ascent), StepFailure::NonFinite, degenerate] {
-        assert!(has_no_way(&failure), "{failure}");
+        assert!(may_start_again(&failure), "{failure}");
     }
     let refused = StepFailure::Solve(SolveFailure::Unprepared);
     for failure in [newton(NotSolved::IterationLimit), refused, StepFailure::Tolerance] {
-        assert!(!has_no_way(&failure), "{failure}");
+        assert!(!may_start_again(&failure), "{failure}");
     }
 }
 
-/// A short step: the first direction leads so near to the solution that a loose one ends there.
+/// A refinement ends where the next correction would be smaller than the last, not more: it takes fewer iterations than a
+/// solution, and is none. After a short step one is enough.
 #[test]
-fn a_loose_solution_may_take_one_iteration() {
+fn refinements_end_early() {
     let (system, state) = chain();
     let mut newton = newton(&system, &state, Stiffness::Tension);
-    let mut iterations = |is_loose: bool| {
+    let mut solve = |dt: f64, ends_early: bool| {
         let before = newton.linear.statistics.work.newton_iterations;
-        let start = newton.start(&state, 0.1, 1.0).unwrap();
-        if is_loose {
-            newton.refine(&state, 0.1).unwrap();
+        let start = newton.start(&state, dt, 1.0).unwrap();
+        if ends_early {
+            newton.refine(&state, dt).unwrap();
         } else {
-            newton.iterate(start, &state, 0.1, Stiffness::Tension.into(), false).unwrap();
+            newton.iterate(start, &state, dt, Stiffness::Tension.into(), false).unwrap();
         }
-        newton.linear.statistics.work.newton_iterations - before
-    };
-    assert_eq!(iterations(true), 1);
-    assert!(iterations(false) > 2);
-}
-
-/// A loose solution is one whose next correction would be smaller than its last, not more: it takes fewer iterations than a
-/// solution, and is none.
-#[test]
-fn loose_solutions_are_left_early() {
-    let (system, state) = chain();
-    let mut newton = newton(&system, &state, Stiffness::Tension);
-    let mut solve = |is_loose: bool| {
-        let before = newton.linear.statistics.work.newton_iterations;
-        let start = newton.start(&state, 0.5, 1.0).unwrap();
-        if is_loose {
-            newton.refine(&state, 0.5).unwrap();
-        } else {
-            newton.iterate(start, &state, 0.5, Stiffness::Tension.into(), false).unwrap();
-        }
-        let residual = newton.evaluate(&state, 0.5, 0.0).unwrap().residual;
+        let residual = newton.evaluate(&state, dt, 0.0).unwrap().residual;
         (newton.linear.statistics.work.newton_iterations - before, residual / start.residual)
     };
-    let ((loose, left), (whole, nothing)) = (solve(true), solve(false));
-    assert!(loose < whole && nothing < 1e-8 && (1e-3..1.0).contains(&left), "{loose} {left:e} {whole} {nothing:e}");
+    assert_eq!(solve(0.1, true).0, 1);
+    assert!(solve(0.1, false).0 > 2);
+    let ((early, left), (whole, nothing)) = (solve(0.5, true), solve(0.5, false));
+    assert!(early < whole && nothing < 1e-8 && (1e-3..1.0).contains(&left), "{early} {left:e} {whole} {nothing:e}");
 }
 
 /// `‖J Δ + r‖ ≤ η‖r‖` with the derivative of the residual taken by differences, springs that turn included.
@@ -194,8 +178,8 @@ fn directions_solve_the_damped_equations_to_the_forcing_term() {
     let force = newton.force.clone();
     for eta in [1e-1, 1e-3, 1e-5, 1e-7] {
         newton.evaluate(&state, dt, 0.0).unwrap();
-        let mut filter = Filter::new(Stiffness::Full.into());
-        let [slope, damping_slope] = newton.direct(&mut filter, Combination::step(dt), eta).unwrap();
+        let mut choice = MatrixChoice::new(Stiffness::Full.into());
+        let [slope, damping_slope] = newton.prepare_direction(&mut choice, Combination::step(dt), eta).unwrap();
         assert!(close(slope, -dot(&system, &force, &newton.direction)));
         let h = 1e-4;
         let point = newton.evaluate(&state, dt, h).unwrap();
@@ -211,7 +195,7 @@ fn directions_solve_the_damped_equations_to_the_forcing_term() {
     }
 }
 
-/// What was not solved is told with the iterations done and the residual left, relative to the forces that balance in it.
+/// The failure has the iterations done and the residual left, relative to the forces that balance in it.
 #[test]
 fn the_iteration_limit_ends_a_step() {
     let (system, state) = chain();
@@ -226,8 +210,15 @@ fn the_iteration_limit_ends_a_step() {
     }
 }
 
+/// Invalid options are refused; the residual left after a solution is recorded.
 #[test]
-fn the_residual_left_is_recorded() {
+fn steps_are_solved_to_the_tolerance() {
+    for (tolerance, is_valid) in
+        [(0.0, true), (1e-3, true), (-1e-300, false), (f64::INFINITY, false), (f64::NAN, false)]
+    {
+        let options = NewtonOptions { tolerance, ..NewtonOptions::default() };
+        assert_eq!(options.check().is_ok(), is_valid, "{tolerance}");
+    }
     let (system, state) = chain();
     let mut newton = newton(&system, &state, StiffnessPolicy::OnDemand);
     newton.options.tolerance = 1e-3;
@@ -237,7 +228,7 @@ fn the_residual_left_is_recorded() {
     assert!(recorded > 0.0 && recorded < 1e-3, "{recorded:e}");
 }
 
-/// Only the ratio of residuals says whether an option serves: the unit of mass changes nothing.
+/// The unit of mass changes nothing: only ratios of residuals count.
 #[test]
 fn iterations_do_not_depend_on_the_unit_of_mass() {
     for policy in [StiffnessPolicy::Always(Stiffness::Tension), StiffnessPolicy::Always(Stiffness::Axial)] {
@@ -257,10 +248,10 @@ fn iterations_do_not_depend_on_the_unit_of_mass() {
     }
 }
 
-/// That of the point evaluated last.
+/// At the last point evaluated.
 fn relative_residual(newton: &mut Newton, state: &State, dt: f64) -> f64 {
-    let Newton { linear, trial, part, force, .. } = newton;
-    let balance = Balance::of(linear.system, &linear.extensions, [state, trial], dt, part);
+    let Newton { linear, trial, term, force, .. } = newton;
+    let balance = ForceBalance::new(linear.system, &linear.extensions, [state, trial], dt, term);
     free_norm(linear.system, force) / balance.forces
 }
 
@@ -315,16 +306,16 @@ fn masses_are_raised_where_nothing_else_is_left() {
     let mut newton = newton(&system, &state, Stiffness::Full);
     newton.evaluate(&state, 1.0, 0.0).unwrap();
     newton.force[1] = Vector3::new(0.0, 2.0, 0.0);
-    let mut filter = Filter::new(Stiffness::Full.into());
-    let outcome = newton.direct(&mut filter, Combination::step(1.0), 0.0);
+    let mut choice = MatrixChoice::new(Stiffness::Full.into());
+    let outcome = newton.prepare_direction(&mut choice, Combination::step(1.0), 0.0);
     assert!(matches!(outcome, Err(SolveFailure::Indefinite(_))), "{outcome:?}");
-    let mut filter = Filter::new(StiffnessPolicy::OnDemand);
-    while let Matrix::Filtered(_) = filter.matrix() {
-        filter.learn(1.0, 1.0, true);
+    let mut choice = MatrixChoice::new(StiffnessPolicy::OnDemand);
+    while let NewtonMatrix::Policy(_) = choice.matrix {
+        choice.record(1.0, 1.0, true);
     }
-    newton.direct(&mut filter, Combination::step(1.0), 0.0).unwrap();
+    newton.prepare_direction(&mut choice, Combination::step(1.0), 0.0).unwrap();
     let shift = 1e-4 * 4f64.powi(7);
-    assert!(matches!(filter.matrix(), Matrix::Shifted(by) if close(by, shift)), "{:?}", filter.matrix());
+    assert!(matches!(choice.matrix, NewtonMatrix::Shifted(by) if close(by, shift)), "{:?}", choice.matrix);
     assert!((newton.direction[1] - Vector3::new(0.0, 2.0 / (1.0 + shift - 1.5), 0.0)).norm() < 1e-12);
 }
 
@@ -344,9 +335,9 @@ fn line_searches_shorten_steps() {
     assert!(close(step, 1.0 / 6.0) && newton.displacement[1].x.abs() < 1e-15 && point.potential < 1e-30, "{step}");
 }
 
-/// A correction that is taken back leaves nothing; what the next one would be is seen by what is left, on the blocks of the matrix.
+/// A correction can be undone; the next one is estimated by the residual and the diagonal blocks of the matrix.
 #[test]
-fn corrections_can_be_taken_back() {
+fn corrections_can_be_undone() {
     let (system, mut state) = weight(36.0, 1.0);
     state.time = 3.0;
     let mut newton = newton(&system, &state, Stiffness::Full);
@@ -356,23 +347,12 @@ fn corrections_can_be_taken_back() {
     assert_eq!(newton.trial.time, 3.5);
     newton.linear.prepare(Stiffness::Axial.into(), Combination::step(0.5)).unwrap();
     newton.correct(|_, _| 0.0).unwrap();
-    assert!((newton.displacement[1] - displacement - newton.direction()[1]).norm() < 1e-14);
-    assert!(newton.direction()[1].norm() > 0.1);
-    newton.take_back();
+    assert!((newton.displacement[1] - displacement - newton.direction[1]).norm() < 1e-14);
+    assert!(newton.direction[1].norm() > 0.1);
+    newton.move_by(-1.0);
     assert!((newton.displacement[1] - displacement).norm() < 1e-14);
     // M/h² is 4 N/m, and κ along the spring from (0, 0) to (1.25, 0.5) is 36 N/m.
     let along = Vector3::new(1.25, 0.5, 0.0).normalize();
     newton.force[1] = along * 20.0 + Vector3::z() * 6.0;
-    assert!(close(newton.left(), 400.0 / 40.0 + 36.0 / 4.0), "{}", newton.left());
-}
-
-/// A slope that is no number is refused even where the forces are.
-#[test]
-fn slopes_beyond_all_numbers_are_refused() {
-    let (system, state) = weight(36.0, 1.0);
-    let mut newton = newton(&system, &state, Stiffness::Full);
-    newton.displacement[1] = Vector3::new(0.25, 0.0, 0.0);
-    assert!(newton.residual(&state, 0.5).is_ok());
-    newton.direction[1] = Vector3::repeat(1e308);
-    assert_eq!(newton.residual(&state, 0.5), Err(StepFailure::NonFinite));
+    assert!(close(newton.residual_energy(), 400.0 / 40.0 + 36.0 / 4.0), "{}", newton.residual_energy());
 }

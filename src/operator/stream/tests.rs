@@ -45,12 +45,12 @@ fn by_matrix(system: &System, blocks: &[SpringBlock]) -> Vec<u32> {
     update(&mut stream, system, blocks);
     let part = &stream.parts[0];
     let mut found = Vec::new();
-    for (number, quad) in part.contiguous.quads.iter().enumerate() {
+    for (number, batch) in part.contiguous.batches.iter().enumerate() {
         let springs = part.contiguous.positions(number).into_iter().enumerate();
-        found.extend(springs.filter(|(n, _)| quad.ends.by_matrix & (1 << n) != 0).map(|(_, position)| position));
+        found.extend(springs.filter(|(n, _)| batch.ends.by_matrix & (1 << n) != 0).map(|(_, position)| position));
     }
-    let ends = part.others.quads.iter().flat_map(|quad| std::iter::zip(quad.ends[0], quad.ends[1]));
-    found.extend(ends.filter(|ends| ends.0 == batch4::BY_MATRIX).map(|ends| ends.1));
+    let ends = part.others.batches.iter().flat_map(|batch| std::iter::zip(batch.ends[0], batch.ends[1]));
+    found.extend(ends.filter(|ends| ends.0 == BY_MATRIX).map(|ends| ends.1));
     found
 }
 
@@ -92,26 +92,6 @@ fn blocks_of_both_signs_may_be_mixed() {
     }
 }
 
-/// The result does not depend on the number of shares, nor on their sizes.
-#[test]
-fn products_are_the_same_to_the_bit_for_any_shares() {
-    let (system, state) = chain(&[(1.1, 0.2); 8]);
-    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
-    let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
-    let w: Vec<f64> = (0..27).map(|row| (row as f64 * 12.9898).sin()).collect();
-    let product = |particles: &[usize]| {
-        let mut stream = SpringStream::new(&system, &shares(&system, particles));
-        update(&mut stream, &system, operator.blocks());
-        let mut y = vec![f64::NAN; 27];
-        stream.multiply(&system, operator.blocks(), &[100.0; 27], &w, &mut y);
-        y
-    };
-    let one = product(&[9]);
-    for particles in [&[4, 5][..], &[2, 3, 4], &[2, 2, 3, 2], &[1, 3, 1, 2, 2]] {
-        assert_eq!(product(particles), one, "{particles:?}");
-    }
-}
-
 /// As the formulas say it, spring by spring: every row has its own term first. Then come, stretch by stretch, what its particle gets as the other end
 /// of springs in a row, what it gets as the first of them, all together, and what it gets from any others.
 fn one_by_one(system: &System, blocks: &[SpringBlock], diagonal: &[f64], w: &[f64]) -> Vec<f64> {
@@ -119,7 +99,7 @@ fn one_by_one(system: &System, blocks: &[SpringBlock], diagonal: &[f64], w: &[f6
     let product = |position: u32| {
         let block = &blocks[position as usize];
         // What is held has no rows.
-        let ends = order::ends(system, position).map(|end| system.dofs().rows(end));
+        let ends = ends(system, position).map(|end| system.dofs().rows(end));
         let g = block.direction * (block.axial - block.transverse).sqrt();
         let d: [f64; 3] = std::array::from_fn(|axis| {
             let [first, other] = ends.clone().map(|mut rows| rows.nth(axis).map_or(0.0, |row| w[row]));
@@ -128,11 +108,11 @@ fn one_by_one(system: &System, blocks: &[SpringBlock], diagonal: &[f64], w: &[f6
         let along = g[0] * d[0] + g[1] * d[1] + g[2] * d[2];
         (ends, std::array::from_fn::<_, 3, _>(|axis| block.transverse * d[axis] + g[axis] * along))
     };
-    let springs = |four: &order::Four| four.iter().copied().filter(|&p| p != order::NO_SPRING).collect::<Vec<_>>();
-    for stretch in order::stretches(system) {
-        for quads in stretch.contiguous.chunk_by(|a, b| a.0[0] == b.0[0]) {
+    let springs = |four: &Four| four.iter().copied().filter(|&p| p != NO_SPRING).collect::<Vec<_>>();
+    for stretch in stretches(system) {
+        for batches in stretch.contiguous.chunk_by(|a, b| a.0[0] == b.0[0]) {
             let mut sums = vec![0.0; y.len()];
-            for position in quads.iter().flat_map(|(_, four)| springs(four)) {
+            for position in batches.iter().flat_map(|(_, four)| springs(four)) {
                 let ([first, other], s) = product(position);
                 first.zip(s).for_each(|(row, s)| sums[row] += s);
                 other.zip(s).for_each(|(row, s)| y[row] -= s);
@@ -181,8 +161,8 @@ fn four_springs_at_a_time_are_each_by_itself() {
         update(&mut stream, &system, operator.blocks());
         let part = &stream.parts[0];
         assert!(part.stretches.len() == 5 && by_matrix(&system, operator.blocks()).is_empty());
-        assert_eq!(part.contiguous.quads.len() > 200, dimension == 3, "{}", part.contiguous.quads.len());
-        assert!(part.others.quads.len() > 70, "{}", part.others.quads.len());
+        assert_eq!(part.contiguous.batches.len() > 200, dimension == 3, "{}", part.contiguous.batches.len());
+        assert!(part.others.batches.len() > 70, "{}", part.others.batches.len());
         let w: Vec<f64> = (0..rows).map(|row| (row as f64 * 12.9898).sin()).collect();
         let diagonal: Vec<f64> = (0..rows).map(|row| 1.0 + row as f64).collect();
         let expected = one_by_one(&system, operator.blocks(), &diagonal, &w);
@@ -194,7 +174,7 @@ fn four_springs_at_a_time_are_each_by_itself() {
         let (part, diagonal, w) = (&stream.parts[0], &diagonal[..], &w[..]);
         macro_rules! portable {
             ($n:literal) => {
-                Product::<_, $n> { lanes: Portable, part, springs: &springs, diagonal, w, y: &mut y }
+                Product::<_, $n> { simd: Portable, part, springs: &springs, diagonal, w, y: &mut y }
             };
         }
         match dimension {
@@ -252,21 +232,21 @@ fn springs_of_both_kinds_may_be_mixed() {
 fn check_order(system: &System) -> [usize; 2] {
     let mut seen = vec![0; system.active_springs().len()];
     let mut count = [0; 2];
-    for stretch in order::stretches(system) {
+    for stretch in stretches(system) {
         for (rows, four) in &stretch.contiguous {
-            for (lane, &position) in four.iter().enumerate().filter(|(_, position)| **position != order::NO_SPRING) {
-                for (end, &row) in order::ends(system, position).into_iter().zip(rows) {
+            for (lane, &position) in four.iter().enumerate().filter(|(_, position)| **position != NO_SPRING) {
+                for (end, &row) in ends(system, position).into_iter().zip(rows) {
                     let row = row as usize + 3 * lane;
-                    let is_held = rows[1] == batch4::NO_ROW && system.dofs().rows(end).is_empty();
+                    let is_held = rows[1] == NO_ROW && system.dofs().rows(end).is_empty();
                     assert!(is_held || system.dofs().rows(end) == (row..row + 3), "{rows:?} {four:?}");
                 }
                 seen[position as usize] += 1;
                 count[0] += 1;
             }
-            let fours = rows.iter().filter(|&&row| row != batch4::NO_ROW).map(|&row| row as usize);
+            let fours = rows.iter().filter(|&&row| row != NO_ROW).map(|&row| row as usize);
             assert!(fours.flat_map(|row| (row..row + 12).step_by(3)).all(|row| system.dofs().dof(row).axis == 0));
         }
-        for position in stretch.others.iter().flatten().filter(|position| **position != order::NO_SPRING) {
+        for position in stretch.others.iter().flatten().filter(|position| **position != NO_SPRING) {
             seen[*position as usize] += 1;
             count[1] += 1;
         }

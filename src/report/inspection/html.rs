@@ -1,9 +1,10 @@
 //! An inspection as a page with pictures.
 
-use super::losses::{KEPT, estimated, known, left_out, limit, lost, other_methods, scope, smallness, turning};
-use crate::inspect::{Culprit, FirstLosses, InertiaMethod, Inspection, LargestStep, Part, Pictures};
+use super::{KEPT, estimated, known, left_out, limit, lost, other_methods, scope, smallness, turning};
+use crate::inspect::{Culprit, FirstLosses, InertiaMethod, Inspection, LargestStep, OptionInspection, Part, Pictures};
 use crate::report::number::{count, pretty, typeset};
-use crate::report::{drawing, page, plot, spy};
+use crate::report::page::{self, Column, Row};
+use crate::report::{drawing, plot, spy};
 use maud::{Markup, html};
 
 /// Rows of the tables of culprits and of clusters.
@@ -83,30 +84,30 @@ fn banner(inspection: &Inspection) -> Markup {
 }
 
 fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictures) -> Markup {
-    let table = html! {
-        table.full.limits {
-            thead { tr {
-                th scope="col" { "stiffness" } th.number scope="col" { "definite up to" } th.number scope="col" { "stable up to" } th.number scope="col" { "turning up to" }
-                th.number scope="col" { "λ" sub { "min" } ", N/m" } th.number scope="col" { "λ" sub { "max" } ", N/m" } th.number scope="col" { "condition" }
-            } }
-            tbody { @for option in &inspection.options {
-                tr class=[(!option.inertia.is_definite()).then_some("failed-row")] {
-                    td { (option.option.name()) }
-                    @for (name, step) in [("definite up to", option.critical), ("stable up to", option.stable), ("turning up to", option.turning)] {
-                        td.number data-of=(name) { (limit(step, pretty)) }
-                    }
-                    @for (name, value) in [("λmin, N/m", option.smallest), ("λmax, N/m", option.largest), ("condition", option.condition)] {
-                        td.number data-of=(name) { (known(value, pretty)) }
-                    }
-                }
-            } }
-        }
+    use Column::{Number, Text};
+    let columns = [
+        ("stiffness", Text),
+        ("definite up to", Number),
+        ("stable up to", Number),
+        ("turning up to", Number),
+        ("λ_min, N/m", Number),
+        ("λ_max, N/m", Number),
+        ("condition", Number),
+    ];
+    let row = |option: &OptionInspection| {
+        let limits = [option.critical, option.stable, option.turning].map(|step| limit(step, pretty));
+        let numbers = [option.smallest, option.largest, option.condition].map(|value| known(value, pretty));
+        let cells = [option.option.name().to_owned()].into_iter().chain(limits).chain(numbers);
+        let cells = cells.map(|cell| html! { (cell) }).collect();
+        if option.inertia.is_definite() { Row::Cells(cells) } else { Row::Failed(cells) }
     };
+    let name = "Limits of the time step under each stiffness option";
+    let table = page::table(name, "full limits", &columns, inspection.options.iter().map(row));
     html! {
         @if let Some(what) = estimated(inspection, pretty) { p.warning { "Estimated: " (typeset(&what)) "." } }
         @for what in left_out(inspection) { p.warning { "Left out: " (what) "." } }
         p { "These limits hold " (scope()) ": after every step there are others." }
-        (page::scrolling("Limits of the time step under each stiffness option", &table))
+        (table)
         @if let Some(turn) = inspection.turn.as_ref().filter(|turn| turn.excess() > 1.0) {
             @let [what, then] = turning(turn, pretty);
             p.warning {
@@ -136,20 +137,18 @@ fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictu
     }
 }
 
-/// What the curves of λ_min show, by what was found.
+/// The caption of the curves of λ_min.
 fn curves(inspection: &Inspection) -> String {
-    let told = inspection.options.iter().filter(|option| option.critical != LargestStep::Unknown);
-    let told = told.map(|option| match option.critical.dt() {
-        Some(dt) => {
-            format!("under {} it crosses zero at {} s and does not come back", option.option.name(), pretty(dt))
-        }
-        None => format!("under {} it stays above zero however long the step", option.option.name()),
+    let known = inspection.options.iter().filter(|option| option.critical != LargestStep::Unknown);
+    let sentences = known.map(|option| match (option.option.name(), option.critical.dt()) {
+        (name, Some(dt)) => format!("under {name} it crosses zero at {} s and does not come back", pretty(dt)),
+        (name, None) => format!("under {name} it stays above zero however long the step"),
     });
-    let told = told.collect::<Vec<_>>().join("; ");
-    format!("The lowest eigenvalue in units of m/dt², drawn no further than −1 and 3: {told}.")
+    let sentences = sentences.collect::<Vec<_>>().join("; ");
+    format!("The lowest eigenvalue in units of m/dt², drawn no further than −1 and 3: {sentences}.")
 }
 
-/// What the section on springs is about: whether any spoil it.
+/// The heading of the section on springs.
 fn heading(inspection: &Inspection) -> &'static str {
     match inspection.directions.first() {
         Some(lowest) if lowest.culprits.is_empty() => "No spring spoils it",
@@ -159,7 +158,7 @@ fn heading(inspection: &Inspection) -> &'static str {
     }
 }
 
-/// What the arrows in the scene's picture are.
+/// The caption of the scene's picture.
 fn arrows(inspection: &Inspection) -> String {
     let what = "the direction in which A curves least, to a scale of their own";
     match inspection.fold() {
@@ -172,7 +171,7 @@ fn arrows(inspection: &Inspection) -> String {
     }
 }
 
-/// What the run that led to the state lost first.
+/// The first losses of the run that led to the state.
 fn followed(losses: &FirstLosses) -> Markup {
     let lost = lost(losses, pretty);
     html! {
@@ -193,6 +192,10 @@ fn culprits(inspection: &Inspection, pictures: &Pictures) -> Markup {
         1 => "1 spring is".into(),
         several => format!("{several} springs are"),
     };
+    let list = |springs: &[usize]| {
+        let shown: Vec<String> = springs.iter().take(ROWS).map(usize::to_string).collect();
+        format!("{}{}", shown.join(", "), if springs.len() > ROWS { " …" } else { "" })
+    };
     html! {
         p {
             @match lowest {
@@ -206,18 +209,14 @@ fn culprits(inspection: &Inspection, pictures: &Pictures) -> Markup {
         @if let Some(set) = &inspection.smallest_set {
             p {
                 "To make A definite, the transverse terms of " (count(set.springs.len(), "spring")) " " (smallness(set))
-                "; option " code { "tension" } " drops " (set.tension) ": "
-                @for (k, spring) in set.springs.iter().take(ROWS).enumerate() { @if k > 0 { ", " } (spring) }
-                @if set.springs.len() > ROWS { " …" } "."
+                "; option " code { "tension" } " drops " (set.tension) ": " (list(&set.springs)) "."
             }
         }
         @if inspection.clusters.len() > 1 {
             p { "Culprits that hang together, the worst group first:" }
             ul { @for cluster in inspection.clusters.iter().take(ROWS) {
                 li {
-                    (count(cluster.springs.len(), "spring")) " on " (count(cluster.particles.len(), "particle")) ", strain down to " (pretty(cluster.strain)) ": springs "
-                    @for (k, spring) in cluster.springs.iter().take(ROWS).enumerate() { @if k > 0 { ", " } (spring) }
-                    @if cluster.springs.len() > ROWS { " …" }
+                    (count(cluster.springs.len(), "spring")) " on " (count(cluster.particles.len(), "particle")) ", strain down to " (pretty(cluster.strain)) ": springs " (list(&cluster.springs))
                 }
             } }
         }
@@ -226,22 +225,18 @@ fn culprits(inspection: &Inspection, pictures: &Pictures) -> Markup {
 }
 
 fn table(culprits: &[Culprit]) -> Markup {
-    let rows = html! {
-        table.full.tight {
-            thead { tr {
-                th scope="col" { "spring" } th scope="col" { "particles" } th.number scope="col" { "strain" } th.number scope="col" { "share" }
-                th.number scope="col" { "without it, N/m" }
-            } }
-            tbody { @for culprit in culprits.iter().take(ROWS) {
-                tr {
-                    td { (culprit.spring) } td { (culprit.particles[0]) "–" (culprit.particles[1]) } td.number { (pretty(culprit.strain)) }
-                    td.number { (pretty(culprit.share)) } td.number { (pretty(culprit.relieved)) }
-                }
-            } }
-        }
+    use Column::{Number, Text};
+    let columns =
+        [("spring", Text), ("particles", Text), ("strain", Number), ("share", Number), ("without it, N/m", Number)];
+    let row = |culprit: &Culprit| {
+        let numbers = [culprit.strain, culprit.share, culprit.relieved].map(pretty);
+        let [i, j] = culprit.particles;
+        let cells = [culprit.spring.to_string(), format!("{i}–{j}")].into_iter().chain(numbers);
+        Row::Cells(cells.map(|cell| html! { (cell) }).collect())
     };
+    let name = "Springs with negative curvature, worst first";
     html! {
-        (page::scrolling("Springs with negative curvature, worst first", &rows))
+        (page::table(name, "full tight", &columns, culprits.iter().take(ROWS).map(row)))
         p.quiet {
             @if culprits.len() > ROWS { "And " (culprits.len() - ROWS) " more. " }
             "share: of the negative curvature uᵀ(−K)u along the arrows u; above 1 where other springs resist. without it: what uᵀAu \

@@ -1,7 +1,7 @@
 //! An inspection for the terminal.
 
-use super::losses::{KEPT, UNKNOWN, estimated, known, left_out, limit, lost, other_methods, scope, smallness, turning};
-use crate::inspect::{Culprit, Direction, FirstLosses, Inspection, LargestStep, Part};
+use super::{KEPT, UNKNOWN, estimated, known, left_out, limit, lost, other_methods, scope, smallness, turning};
+use crate::inspect::{Culprit, Direction, FirstLosses, Inspection, Part};
 use crate::report::number::{count, plain};
 
 /// Culprits, directions, clusters and springs of a set that are listed.
@@ -48,7 +48,8 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
     ));
     for each in &inspection.options {
         let (name, smallest) = (each.option.name(), known(each.smallest, plain));
-        let [critical, stable] = [each.critical, each.stable].map(exact);
+        // With the digits that a script may want.
+        let [critical, stable] = [each.critical, each.stable].map(|step| limit(step, |dt| format!("{dt:.9e}")));
         let turning = limit(each.turning, plain);
         lines.push(format!("  {name:<12} {critical:<20} {stable:<20} {turning:<16} {smallest} N/m"));
     }
@@ -135,29 +136,18 @@ pub fn first_answer(inspection: &Inspection) -> Option<String> {
     Some(format!("A is {what} (stiffness {}, dt = {dt:?} s){}", option.name(), worst.unwrap_or_default()))
 }
 
-/// What comes of springs that are turned too far.
-const WRONG: &str = "Nothing breaks down by that, the motion is wrong";
-
-/// What the step does to the springs that it turns.
+/// The spring that the step turns worst.
 fn turned(inspection: &Inspection) -> Vec<String> {
     let Some(turn) = &inspection.turn else { return Vec::new() };
     let [what, then] = turning(turn, plain);
-    if turn.excess() > 1.0 {
-        let lines = [format!("TOO FAR: the step turns {what};"), format!("{then}."), WRONG.into()];
-        let headings = ["turning", "", ""];
-        headings.iter().zip(lines).map(|(heading, line)| format!("  {heading:<12} {line}")).collect()
-    } else {
-        vec![format!("  turning      within the limits: worst {what}")]
+    if turn.excess() <= 1.0 {
+        return vec![format!("  turning      within the limits: worst {what}")];
     }
-}
-
-/// A limit with the digits that a script may want.
-fn exact(step: LargestStep) -> String {
-    match step {
-        LargestStep::Every => "every step".into(),
-        LargestStep::UpTo { dt, .. } => format!("{dt:.9e} s"),
-        LargestStep::Unknown => UNKNOWN.into(),
-    }
+    vec![
+        format!("  turning      TOO FAR: the step turns {what};"),
+        format!("               {then}."),
+        "               Nothing breaks down by that, the motion is wrong".into(),
+    ]
 }
 
 fn culprits(lowest: &Direction) -> Vec<String> {

@@ -1,13 +1,16 @@
-//! An animation as what its page carries: a few facts in JSON, and one compressed block of bytes.
+//! An animation as its page carries it: a few facts in JSON, and one compressed block of bytes.
 //!
 //! Positions are kept as whole multiples of one length h along all axes, `x = origin + h q` with q from 0 to 65535: h is the
 //! scene's largest extent over 65535, and a coordinate is wrong by at most h/2. Strains would be lost in that where springs are
 //! short against the scene, so they are kept beside it: `s = s_max q|q|/n²` with n = 127 or 32767 levels, which is wrong by at
 //! most `s_max (1/n + 1/(4n²))` and by much less for small strains.
+//!
+//! Every whole number is predicted from the frames before, as the last one (order 1) or along the line through the last two (order 2),
+//! and only the remainder is kept, modulo 2⁸ or 2¹⁶, folded so that small remainders of both signs are small numbers
+//! (0, −1, 1, −2, … become 0, 1, 2, 3, …). Low and high bytes are kept apart: of a smooth motion the high ones are nearly all
+//! zero, and compress to nothing.
 
-use super::channel::{Channel, append};
-use super::panel::Panel;
-use crate::figure::{Animation, Binding, Up};
+use crate::figure::{Animation, Binding, Track, Up};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
@@ -15,9 +18,9 @@ use flate2::write::DeflateEncoder;
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::io::{self, Write};
+use std::io::Write;
 
-/// What a page carries.
+/// The data of a page.
 pub(super) struct Encoded {
     pub about: About,
     /// The bytes in base64.
@@ -29,7 +32,7 @@ pub(super) struct Encoded {
 #[derive(Serialize)]
 pub(super) struct About {
     pub dimension: usize,
-    /// Whether all particles lie in a plane of constant z, always.
+    /// True where all particles lie in a plane of constant z, always.
     pub depthless: bool,
     pub up: Up,
     pub particles: usize,
@@ -37,7 +40,7 @@ pub(super) struct About {
     pub frames: usize,
     /// Particles that are held or moved.
     pub marks: usize,
-    /// Whether a line stands for several springs.
+    /// True where a line stands for several springs.
     pub merged: bool,
     pub times: Vec<f64>,
     /// Seconds of motion in one second of playing.
@@ -77,15 +80,12 @@ struct Channels {
 }
 
 impl StrainScale {
-    /// How wrong a strain can be.
+    /// The largest error of a strain.
     pub fn error(&self) -> f64 {
         let level = 1.0 / f64::from(self.levels);
         self.largest * (level + level * level / 4.0)
     }
 }
-
-/// Strains up to which each has two bytes.
-const FINE_STRAINS: usize = 4_000_000;
 
 /// Encodes an animation in at most `limit` bytes, leaving out frames where it must.
 pub(super) fn encode(animation: &Animation, limit: usize) -> Encoded {
@@ -101,8 +101,8 @@ pub(super) fn encode(animation: &Animation, limit: usize) -> Encoded {
 }
 
 fn with_frames(animation: &Animation, every: usize) -> Encoded {
-    let cast = animation.cast();
-    let [particles, springs] = [cast.bindings.len(), cast.pairs.len()];
+    let topology = animation.cast();
+    let [particles, springs] = [topology.bindings.len(), topology.pairs.len()];
     let kept: Vec<usize> = (0..animation.times.len()).step_by(every).collect();
     let frames = kept.len();
     let frame_of = |k: &usize| animation.positions.get(k * particles..(k + 1) * particles).unwrap_or_default();
@@ -119,20 +119,20 @@ fn with_frames(animation: &Animation, every: usize) -> Encoded {
         bytes.extend_from_slice(data);
         bytes.resize(bytes.len().next_multiple_of(4), 0);
     };
-    put("pairs", &words(cast.pairs.iter().flatten().copied()));
-    put("rest", &floats(&cast.rest_lengths));
-    put("stiffness", &floats(&cast.stiffnesses));
-    put("triangles", &words(cast.triangles.iter().flatten().copied()));
-    put("kinds", &cast.bindings.iter().map(|&binding| binding as u8).collect::<Vec<_>>());
-    if let Some(thinning) = animation.thinning() {
-        put("particle_numbers", &words(thinning.founders.iter().copied()));
+    put("pairs", &words(topology.pairs.iter().flatten().copied()));
+    put("rest", &floats(&topology.rest_lengths));
+    put("stiffness", &floats(&topology.stiffnesses));
+    put("triangles", &words(topology.triangles.iter().flatten().copied()));
+    put("kinds", &topology.bindings.iter().map(|&binding| binding as u8).collect::<Vec<_>>());
+    if let Some(decimation) = animation.decimation() {
+        put("particle_numbers", &words(decimation.founders.iter().copied()));
     }
 
     let places = [0, 1, 2].map(|axis| {
         let quanta: Vec<i32> = positions().map(|x| ((x[axis] - low[axis]) / quantum).round() as i32).collect();
         append(&mut bytes, &quanta, particles, true)
     });
-    let scale = strain_scale(kept.iter().flat_map(strains_of), frames * springs <= FINE_STRAINS);
+    let scale = strain_scale(kept.iter().flat_map(strains_of), frames * springs <= 4_000_000);
     let levels = f64::from(scale.levels);
     let level = |&strain: &f32| {
         let part = f64::from(strain) / scale.largest;
@@ -144,25 +144,25 @@ fn with_frames(animation: &Animation, every: usize) -> Encoded {
     let times: Vec<f64> = kept.iter().filter_map(|&k| animation.times.get(k).copied()).collect();
     let speed = speed(&times);
     let about = About {
-        dimension: cast.dimension,
+        dimension: topology.dimension,
         depthless: high.z - low.z <= 1e-6 * widest,
-        up: Up::against(cast.gravity, cast.dimension),
+        up: Up::against(topology.gravity, topology.dimension),
         particles,
         springs,
         frames,
-        marks: cast.bindings.iter().filter(|&&binding| binding != Binding::Free).count(),
-        merged: animation.thinning().is_some(),
+        marks: topology.bindings.iter().filter(|&&binding| binding != Binding::Free).count(),
+        merged: animation.decimation().is_some(),
         speed,
         speeds: speeds(speed),
         times,
         origin: low.into(),
         quantum,
         bounds: Bounds { low: low.into(), high: high.into() },
-        spacing: spacing(cast.pairs.as_slice(), frame_of(&0), widest),
+        spacing: spacing(topology.pairs.as_slice(), frame_of(&0), widest),
         strain: scale,
         sections,
         channels: Channels { places, strain },
-        tracks: animation.all_tracks().iter().map(|track| Panel::of(track)).collect(),
+        tracks: animation.all_tracks().iter().map(|track| panel(track)).collect(),
     };
     Encoded { about, data: compressed(&bytes), left_out: animation.times.len() - frames }
 }
@@ -202,14 +202,10 @@ fn decimal(digit: u32, power: i32) -> f64 {
     format!("{digit}e{power}").parse().unwrap_or(f64::INFINITY)
 }
 
-/// Seconds that a motion plays for which real time is too short or too long.
-const PLAYS: f64 = 8.0;
-
-/// Real time where that lasts between 2 and 30 s; else the next larger of 1, 2 and 5 times a power of ten with which it lasts about
-/// [`PLAYS`].
+/// Real time where that lasts between 2 and 30 s; else the next larger of 1, 2 and 5 times a power of ten with which it lasts about 8 s.
 fn speed(times: &[f64]) -> f64 {
     let length = times.last().zip(times.first()).map_or(0.0, |(last, first)| last - first);
-    if length <= 0.0 || (2.0..=30.0).contains(&length) { 1.0 } else { round_up(length / PLAYS) }
+    if length <= 0.0 || (2.0..=30.0).contains(&length) { 1.0 } else { round_up(length / 8.0) }
 }
 
 /// Speeds to choose from: 1, 2 and 5 times powers of ten, from a thousandth of the one that the page begins with to ten times it and more.
@@ -242,7 +238,118 @@ fn compressed(bytes: &[u8]) -> String {
     STANDARD.encode(packed.unwrap_or_default())
 }
 
-/// As JSON that can stand in a page: no text in it ends a script.
-pub(super) fn json(about: &About) -> io::Result<String> {
-    Ok(serde_json::to_string(about)?.replace('<', "\\u003c"))
+/// Curves over time, as the page draws them.
+#[derive(Serialize)]
+pub(super) struct Panel {
+    title: String,
+    unit: String,
+    times: Vec<f64>,
+    curves: Vec<Curve>,
+}
+
+#[derive(Serialize)]
+struct Curve {
+    name: String,
+    values: Vec<f64>,
+}
+
+/// Thinned evenly to 2000 points, more than a wide screen has pixels, and in six digits.
+fn panel(track: &Track) -> Panel {
+    let every = track.times.len() / 2000 + 1;
+    let rounded = |value: &f64| format!("{value:.5e}").parse().unwrap_or(*value);
+    let curve = |(name, values): &(String, Vec<f64>)| Curve {
+        name: name.clone(),
+        values: values.iter().step_by(every).map(rounded).collect(),
+    };
+    Panel {
+        title: track.title.clone(),
+        unit: track.unit.clone(),
+        times: track.times.iter().copied().step_by(every).collect(),
+        curves: track.curves.iter().map(curve).collect(),
+    }
+}
+
+/// The place of a channel among the bytes, and its prediction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+struct Channel {
+    offset: usize,
+    order: usize,
+    wide: bool,
+}
+
+/// Appends the values of `count` items, frame after frame; `wide` ones have two bytes.
+fn append(bytes: &mut Vec<u8>, values: &[i32], count: usize, wide: bool) -> Channel {
+    let size = |order| remainders(values, count, order, wide).map(|rest| u64::from(16 - rest.leading_zeros())).sum();
+    let order = [1, 2].into_iter().min_by_key(|&order| -> u64 { size(order) }).unwrap_or(1);
+    let offset = bytes.len();
+    bytes.extend(remainders(values, count, order, wide).map(|rest| rest as u8));
+    if wide {
+        bytes.extend(remainders(values, count, order, wide).map(|rest| (rest >> 8) as u8));
+    }
+    Channel { offset, order, wide }
+}
+
+fn remainders(values: &[i32], count: usize, order: usize, wide: bool) -> impl Iterator<Item = u16> + '_ {
+    let before = move |i: usize, frames: usize| i.checked_sub(frames * count).and_then(|at| values.get(at)).copied();
+    values.iter().enumerate().map(move |(i, &value)| {
+        let guess = match (before(i, 1), before(i, 2)) {
+            (Some(last), Some(earlier)) if order == 2 => 2 * last - earlier,
+            (Some(last), _) => last,
+            (None, _) => 0,
+        };
+        let rest = value - guess;
+        if wide {
+            let rest = rest as i16;
+            ((rest << 1) ^ (rest >> 15)) as u16
+        } else {
+            let rest = rest as i8;
+            u16::from(((rest << 1) ^ (rest >> 7)) as u8)
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::append;
+
+    /// As the page does it.
+    fn restore(bytes: &[u8], channel: super::Channel, frames: usize, count: usize) -> Vec<i32> {
+        let plane = frames * count;
+        let mut values = vec![0i32; plane];
+        for i in 0..plane {
+            let low = i32::from(bytes[channel.offset + i]);
+            let high = if channel.wide { i32::from(bytes[channel.offset + plane + i]) } else { 0 };
+            let folded = low | high << 8;
+            let rest = folded >> 1 ^ -(folded & 1);
+            let guess = match i / count {
+                0 => 0,
+                frame if frame == 1 || channel.order == 1 => values[i - count],
+                _ => 2 * values[i - count] - values[i - 2 * count],
+            };
+            values[i] = if channel.wide { i32::from((guess + rest) as u16) } else { i32::from((guess + rest) as i8) };
+        }
+        values
+    }
+
+    #[test]
+    fn values_come_back_whatever_they_are() {
+        let [frames, count] = [7, 5];
+        let wide: Vec<i32> = (0..35).map(|i: i32| i * i * 7919 % 65536).collect();
+        let narrow: Vec<i32> = (0..35).map(|i: i32| i * i * 31 % 255 - 127).collect();
+        let edges: Vec<i32> = (0..35).map(|i| if i % 3 == 0 { 0 } else { 65535 }).collect();
+        let mut bytes = vec![1, 2, 3];
+        for (values, is_wide) in [(&wide, true), (&narrow, false), (&edges, true)] {
+            let channel = append(&mut bytes, values, count, is_wide);
+            assert_eq!(&restore(&bytes, channel, frames, count), values);
+        }
+    }
+
+    /// Uniform motion costs nothing after its second frame.
+    #[test]
+    fn straight_motion_leaves_no_remainder() {
+        let values: Vec<i32> = (0..10).flat_map(|frame| [100 + 300 * frame, 60_000 - 700 * frame]).collect();
+        let mut bytes = Vec::new();
+        assert_eq!(append(&mut bytes, &values, 2, true).order, 2);
+        assert!(bytes[4..20].iter().chain(&bytes[24..]).all(|&byte| byte == 0), "{bytes:?}");
+    }
 }

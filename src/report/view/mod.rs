@@ -1,27 +1,24 @@
 //! `view.html`: a motion that plays in any browser, from one file that loads nothing.
 //!
-//! The page draws by itself, in some seven hundred lines: springs coloured by strain, the triangles of a mesh as a shaded surface, particles
-//! that are held or moved marked. What it carries is made here, see `encode`: positions and strains as whole numbers, predicted along
-//! time and deflated, which browsers undo by themselves. Drawing by WebGL and by a library were tried beside it; `docs/guide/src/how-to/watching.md` has
-//! the numbers.
+//! The page draws by itself: springs coloured by strain, the triangles of a mesh as a shaded surface, particles that are held or moved marked.
+//! Its data are made in `encode`: positions and strains as whole numbers, predicted along time and deflated, which browsers undo by
+//! themselves. `docs/guide/src/how-to/watching.md` compares this with WebGL and a library.
 
-mod channel;
 mod encode;
-mod page;
-mod panel;
 
-use crate::figure::Animation;
+use super::number::{count, pretty, typeset};
+use crate::figure::{Animation, Binding};
+use encode::Encoded;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::io;
 
-/// Bytes that the data of a page may take: files beyond 40 MB are slow to load, and mail and phones refuse them.
-const LIMIT: usize = 38_000_000;
-
-/// The page of an animation. Frames are left out, evenly, where the page would be larger than 40 MB; it says so.
+/// The page of an animation. Frames are left out, evenly, where the page would be larger than 40 MB: such files are slow to load, and mail and
+/// phones refuse them. The page says so.
 ///
 /// # Errors
-/// Where the facts of an animation cannot be written as JSON.
+/// The facts of an animation cannot be written as JSON.
 pub fn html(animation: &Animation) -> io::Result<String> {
-    within(animation, LIMIT)
+    within(animation, 38_000_000)
 }
 
 /// As [`html`], with at most so many bytes of data.
@@ -29,5 +26,195 @@ pub fn html(animation: &Animation) -> io::Result<String> {
 /// # Errors
 /// As [`html`].
 pub fn within(animation: &Animation, limit: usize) -> io::Result<String> {
-    page::page(animation, &encode::encode(animation, limit))
+    page(animation, &encode::encode(animation, limit))
+}
+
+/// The program, in the order in which its parts use each other.
+const SCRIPTS: [&str; 8] = [
+    include_str!("decode.js"),
+    include_str!("camera.js"),
+    include_str!("raster.js"),
+    include_str!("draw.js"),
+    include_str!("pick.js"),
+    include_str!("tracks.js"),
+    include_str!("gestures.js"),
+    include_str!("controls.js"),
+];
+
+fn page(animation: &Animation, encoded: &Encoded) -> io::Result<String> {
+    // No text in it ends a script.
+    let about = serde_json::to_string(&encoded.about)?.replace('<', "\\u003c");
+    let title = &animation.title;
+    let notes = notes(animation, encoded);
+    let document = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                // Without this, browsers ask the server for an icon.
+                link rel="icon" href="data:,";
+                style { (PreEscaped(include_str!("view.css"))) }
+            }
+            body {
+                header {
+                    h1 { (title) }
+                    p.lead { (lead(animation)) }
+                    p.told { (typeset(&summary(animation))) }
+                    @for note in &notes { p.note { (note) } }
+                }
+                main {
+                    (stage(animation, encoded))
+                    @if encoded.about.frames > 1 { (transport()) }
+                    @else { div hidden { (transport()) } }
+                    (switches(animation))
+                    div id="tracks" {}
+                    (help(encoded))
+                }
+                footer { "Written by sprung " (env!("CARGO_PKG_VERSION")) ". This page is one file and loads nothing." }
+                script type="application/json" id="about" { (PreEscaped(&about)) }
+                script type="text/plain" id="data" { (PreEscaped(&encoded.data)) }
+                script type="module" {
+                    @for script in SCRIPTS { (PreEscaped(script)) }
+                    (PreEscaped("start().catch((error) => say(`The motion cannot be shown: ${error.message}`));\n"))
+                }
+            }
+        }
+    };
+    Ok(document.into_string())
+}
+
+fn lead(animation: &Animation) -> String {
+    let [particles, springs] = animation.whole();
+    let mut parts = vec![format!("{}, {}", count(particles, "particle"), count(springs, "spring"))];
+    parts.extend(animation.remarks.iter().cloned());
+    parts.join(" · ")
+}
+
+/// The span of the motion and of the strains, in a sentence.
+fn summary(animation: &Animation) -> String {
+    let signed = |part: f64| format!("{}{} %", if part > 0.0 { "+" } else { "" }, pretty(100.0 * part));
+    let mut parts = Vec::new();
+    if let [start, .., end] = animation.times.as_slice() {
+        let (span, distance) = (pretty(end - start), pretty(animation.farthest()));
+        parts.push(format!("within {span} s particles come up to {distance} m from where they start"));
+    }
+    match animation.strain_range() {
+        None => {}
+        Some([0.0, 0.0]) => parts.push("no spring is strained".into()),
+        Some([least, most]) => {
+            parts.push(format!("springs are strained from {} to {}", signed(least), signed(most)));
+        }
+    }
+    let sentence = parts.join("; ");
+    match sentence.split_at_checked(1) {
+        Some((first, rest)) => format!("{}{rest}.", first.to_uppercase()),
+        None => sentence,
+    }
+}
+
+/// Sentences on what the page leaves out.
+fn notes(animation: &Animation, encoded: &Encoded) -> Vec<String> {
+    let mut notes = Vec::new();
+    if animation.decimation().is_some() {
+        let [particles, springs] = animation.whole();
+        let topology = animation.cast();
+        notes.push(format!(
+            "Thinned: {} of {particles} particles are shown, each for its neighbourhood, and {} lines for {springs} springs, each with \
+             the mean strain of the springs from one neighbourhood to the next. The curves below are of all springs.",
+            topology.bindings.len(),
+            topology.pairs.len(),
+        ));
+    }
+    if encoded.left_out > 0 {
+        let all = animation.times.len();
+        notes.push(format!(
+            "Thinned: {} of {all} frames are shown, evenly spaced, so that this file stays small.",
+            encoded.about.frames
+        ));
+    }
+    notes
+}
+
+fn stage(animation: &Animation, encoded: &Encoded) -> Markup {
+    let has = |binding| animation.cast().bindings.contains(&binding);
+    let strain = &encoded.about.strain;
+    let shown = percent(strain.shown);
+    // Beyond the ends of the map colours are the same.
+    let [least, most] = if strain.largest > strain.shown { ["≤ −", "≥ +"] } else { ["−", "+"] };
+    let label = format!("The motion of {}: springs coloured by strain", animation.title);
+    html! {
+        div.stage {
+            canvas id="picture" tabindex="0" role="img" aria-label=(label) {}
+            div.overlay id="legend" {
+                @if encoded.about.springs > 0 {
+                    strong { "strain l/l₀ − 1" }
+                    span.scale {}
+                    span.ends { span { (least) (shown) } span { "0" } span { (most) (shown) } }
+                    span.ends { span { "compressed" } span { "stretched" } }
+                }
+                @if has(Binding::Held) { span.kind.held { "held" } }
+                @if has(Binding::Moved) { span.kind.moved { "moved" } }
+            }
+            div.overlay id="name" role="status" hidden {}
+            div.overlay.corner {
+                svg id="compass" viewBox="-36 -36 72 72" aria-hidden="true" {}
+                span { span id="bar" {} span id="length" {} }
+            }
+            div.overlay id="message" role="status" { noscript { "The picture needs JavaScript." } }
+        }
+    }
+}
+
+/// A part as a percentage, in at most three digits.
+fn percent(part: f64) -> String {
+    let value = 100.0 * part;
+    if (1e-3..1e4).contains(&value) { format!("{} %", (value * 1e6).round() / 1e6) } else { format!("{value:.0e} %") }
+}
+
+fn transport() -> Markup {
+    html! {
+        div.transport role="group" aria-label="Playing" {
+            button id="play" type="button" aria-label="Play" { "▶" }
+            button id="back" type="button" aria-label="One frame back" { "◂" }
+            button id="forward" type="button" aria-label="One frame forward" { "▸" }
+            input id="slider" type="range" min="0" max="0" value="0" step="1" aria-label="Time";
+            div.clock { span id="time" {} small id="count" {} }
+            label { span.quiet { "speed " } select id="speed" {} }
+        }
+    }
+}
+
+fn switches(animation: &Animation) -> Markup {
+    html! {
+        div.switches {
+            label { input id="springs" type="checkbox" checked; "springs" }
+            label { input id="particles" type="checkbox" checked; "particles" }
+            @if !animation.cast().triangles.is_empty() { label { input id="surface" type="checkbox" checked; "surface" } }
+            button id="fit" type="button" { "fit" }
+        }
+    }
+}
+
+fn help(encoded: &Encoded) -> Markup {
+    let about = &encoded.about;
+    html! {
+        details {
+            summary { "Keys, fingers, and how exact this is" }
+            dl {
+                dt { "turn" } dd { "drag, or one finger; on the picture " kbd { "↑" } " " kbd { "↓" } ", and " kbd { "Shift" } " with arrows (a planar scene moves instead)" }
+                dt { "move" } dd { "drag with " kbd { "Shift" } " or the right button, or two fingers" }
+                dt { "magnify" } dd { "wheel, pinch, " kbd { "+" } " " kbd { "−" } "; double click or " kbd { "f" } " fits" }
+                dt { "time" } dd { kbd { "space" } " plays and pauses, " kbd { "←" } " " kbd { "→" } " step, " kbd { "Home" } " " kbd { "End" } "; or point at a curve" }
+                dt { "marks" } dd { "a square is held, along all axes or some; a diamond is moved" }
+                dt { "numbers" } dd { "point at a particle or spring; a click or tap keeps it, " kbd { "Esc" } " lets go" }
+                dt { "exactness" } dd {
+                    "positions are within " (format!("{:.1e}", about.quantum / 2.0)) " m along each axis of what was computed, strains within "
+                    (format!("{:.1e}", about.strain.error())) ", small ones much closer; nothing is shown between frames. Lengths can be compared: the \
+                     projection is parallel"
+                }
+            }
+        }
+    }
 }

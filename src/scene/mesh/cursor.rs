@@ -1,6 +1,6 @@
-//! A place in the bytes of a file, which moves on by words, lines or bytes.
+//! A position in the bytes of a file, which advances by words, lines or bytes.
 
-use super::raw::Fault;
+use super::Fault;
 
 pub struct Cursor<'a> {
     bytes: &'a [u8],
@@ -8,7 +8,7 @@ pub struct Cursor<'a> {
     line: u32,
 }
 
-/// How binary numbers are stored.
+/// Types of binary numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     I8,
@@ -23,7 +23,7 @@ pub enum Kind {
     F64,
 }
 
-/// In which order the bytes of a binary number are.
+/// The byte order of binary numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Order {
     Little,
@@ -31,7 +31,7 @@ pub enum Order {
 }
 
 impl Kind {
-    /// By one of the names that VTK and PLY have for it.
+    /// The type of a name in VTK or PLY.
     pub fn named(name: &str) -> Option<Self> {
         Some(match name.to_ascii_lowercase().as_str() {
             "char" | "int8" | "signed_char" => Self::I8,
@@ -48,7 +48,7 @@ impl Kind {
         })
     }
 
-    /// Bytes of one.
+    /// Its size in bytes.
     pub fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -58,14 +58,14 @@ impl Kind {
         }
     }
 
-    /// The number in some bytes; NaN where there are too few. Numbers of things are exact up to 2⁵³.
+    /// The number in some bytes; NaN where there are too few. Whole numbers are exact up to 2⁵³.
     pub fn number(self, bytes: &[u8], order: Order) -> f64 {
         let mut eight = [0; 8];
         let size = self.size();
-        let (Some(own), Some(place)) = (bytes.get(..size), eight.get_mut(..size)) else { return f64::NAN };
-        place.copy_from_slice(own);
+        let (Some(bytes), Some(low)) = (bytes.get(..size), eight.get_mut(..size)) else { return f64::NAN };
+        low.copy_from_slice(bytes);
         if order == Order::Big {
-            place.reverse();
+            low.reverse();
         }
         let bits = u64::from_le_bytes(eight);
         match self {
@@ -83,7 +83,7 @@ impl Kind {
     }
 }
 
-/// A number that counts something, if it is one.
+/// A number as a count or index, if it is one.
 pub fn whole(number: f64) -> Option<u32> {
     (number.fract() == 0.0 && (0.0..f64::from(u32::MAX)).contains(&number)).then_some(number as u32)
 }
@@ -98,12 +98,12 @@ impl<'a> Cursor<'a> {
         self.line
     }
 
-    /// The bytes that are left.
+    /// The remaining bytes.
     pub fn rest(&self) -> &'a [u8] {
         self.bytes.get(self.at..).unwrap_or_default()
     }
 
-    /// What is wrong here.
+    /// An error at this line.
     pub fn fault(&self, message: impl std::fmt::Display) -> Fault {
         Fault(format!("line {}: {message}", self.line))
     }
@@ -118,7 +118,7 @@ impl<'a> Cursor<'a> {
         (length > 0).then(|| text(&rest[..length]))
     }
 
-    /// What is left of the line, whose end is passed.
+    /// The rest of the line; the cursor moves to the next one.
     pub fn rest_of_line(&mut self) -> &'a str {
         let rest = self.rest();
         let length = rest.iter().take_while(|&&byte| byte != b'\n').count();
@@ -132,7 +132,7 @@ impl<'a> Cursor<'a> {
         word.parse().map_err(|_| self.fault(format_args!("{word:?} is no number")))
     }
 
-    /// The next word as a number of something.
+    /// The next word as a count or index.
     pub fn whole(&mut self) -> Result<u32, Fault> {
         let number = self.number()?;
         whole(number).ok_or_else(|| self.fault(format_args!("{number} is no number of anything")))
@@ -145,9 +145,12 @@ impl<'a> Cursor<'a> {
         Ok(bytes)
     }
 
-    /// The next binary number.
-    pub fn binary(&mut self, kind: Kind, order: Order) -> Result<f64, Fault> {
-        Ok(kind.number(self.take(kind.size())?, order))
+    /// The next number, binary where there is a byte order, else a word.
+    pub fn next(&mut self, kind: Kind, order: Option<Order>) -> Result<f64, Fault> {
+        match order {
+            Some(order) => Ok(kind.number(self.take(kind.size())?, order)),
+            None => self.number(),
+        }
     }
 
     fn skip(&mut self, count: usize) {
@@ -156,7 +159,7 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// Bytes as text; what is none has no meaning in any format.
+/// Bytes as text; other bytes have no meaning in any format.
 fn text(bytes: &[u8]) -> &str {
     std::str::from_utf8(bytes).unwrap_or("\u{fffd}")
 }

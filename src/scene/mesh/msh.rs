@@ -1,7 +1,8 @@
 //! Gmsh MSH files, versions 2, 4.0 and 4.1, as text and, but for 4.0, binary.
 
 use super::cursor::{Cursor, Kind, Order, whole};
-use super::raw::{Fault, HEXAHEDRON, PYRAMID, Raw, TETRAHEDRON, WEDGE};
+use super::vtk::add_cell;
+use super::{Fault, Raw};
 use std::collections::HashMap;
 
 struct Reader<'a> {
@@ -9,28 +10,22 @@ struct Reader<'a> {
     version: f64,
     /// Of binary files.
     order: Option<Order>,
-    /// Of sizes in binary files of version 4.1.
+    /// The type of counts and tags in blocks of version 4.1; 32-bit in version 2.
     size: Kind,
     raw: Raw,
     /// Nodes by their tags.
     nodes: HashMap<u64, u32>,
-    corners: Vec<u32>,
 }
 
 pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
-    let cursor = Cursor::new(bytes);
-    let raw = Raw::new("element", 0);
-    let (nodes, corners) = (HashMap::new(), Vec::new());
-    let mut reader = Reader { cursor, version: 0.0, order: None, size: Kind::U64, raw, nodes, corners };
+    let (cursor, raw, nodes) = (Cursor::new(bytes), Raw::new("element", 0), HashMap::new());
+    let mut reader = Reader { cursor, version: 0.0, order: None, size: Kind::U64, raw, nodes };
     while let Some(word) = reader.cursor.word() {
         match word {
             "$MeshFormat" => reader.format()?,
-            "$Nodes" if reader.version >= 4.1 => reader.nodes_of_blocks()?,
-            "$Nodes" if reader.version >= 4.0 => reader.nodes_of_entities()?,
-            "$Nodes" => reader.node_list()?,
-            "$Elements" if reader.version >= 4.0 => reader.elements_of_blocks()?,
-            "$Elements" => reader.element_list()?,
-            section => reader.pass(section)?,
+            "$Nodes" => reader.nodes()?,
+            "$Elements" => reader.elements()?,
+            section => reader.skip(section)?,
         }
     }
     if reader.version == 0.0 {
@@ -39,28 +34,15 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
     Ok(reader.raw)
 }
 
-/// Corners of an element by its type, if it is one with straight edges.
-fn corners_of(kind: u32) -> Option<usize> {
-    Some(match kind {
-        15 => 1,
-        1 => 2,
-        2 => 3,
-        3 | 4 => 4,
-        7 => 5,
-        6 => 6,
-        5 => 8,
-        _ => return None,
-    })
-}
-
 impl Reader<'_> {
     fn format(&mut self) -> Result<(), Fault> {
         self.version = self.cursor.number()?;
         let is_binary = self.cursor.number()? != 0.0;
-        self.size = if self.cursor.number()? == 4.0 { Kind::U32 } else { Kind::U64 };
+        let has_short_sizes = self.cursor.number()? == 4.0;
         if !((2.0..3.0).contains(&self.version) || (4.0..4.2).contains(&self.version)) {
             return Err(self.cursor.fault(format_args!("MSH {} is not read: 2, 4.0 and 4.1 are", self.version)));
         }
+        self.size = if self.is_version_2() || has_short_sizes { Kind::U32 } else { Kind::U64 };
         if is_binary {
             if self.version == 4.0 {
                 return Err(self.cursor.fault("MSH 4.0 is read as text only"));
@@ -72,6 +54,10 @@ impl Reader<'_> {
         self.end("$EndMeshFormat")
     }
 
+    fn is_version_2(&self) -> bool {
+        self.version < 4.0
+    }
+
     fn end(&mut self, word: &str) -> Result<(), Fault> {
         match self.cursor.word() {
             Some(found) if found == word => Ok(()),
@@ -79,8 +65,8 @@ impl Reader<'_> {
         }
     }
 
-    /// Passes over a section that says nothing of nodes and elements.
-    fn pass(&mut self, section: &str) -> Result<(), Fault> {
+    /// Skips another section.
+    fn skip(&mut self, section: &str) -> Result<(), Fault> {
         let Some(name) = section.strip_prefix('$') else {
             return Err(self.cursor.fault(format_args!("{section:?} where a section should begin")));
         };
@@ -93,180 +79,140 @@ impl Reader<'_> {
         Err(self.cursor.fault(format_args!("{end} is missing")))
     }
 
-    /// The next number of a kind, or the next word.
-    fn next(&mut self, kind: Kind) -> Result<f64, Fault> {
-        match self.order {
-            Some(order) => self.cursor.binary(kind, order),
-            None => self.cursor.number(),
-        }
+    /// A 32-bit number, or the next word.
+    fn int(&mut self) -> Result<f64, Fault> {
+        self.cursor.next(Kind::I32, self.order)
     }
 
-    fn count(&mut self, kind: Kind) -> Result<u64, Fault> {
-        let number = self.next(kind)?;
-        // Tags may be any numbers; what counts is at most a number of bytes.
-        let is_whole = number.fract() == 0.0 && (0.0..9e15).contains(&number);
-        if is_whole {
+    /// A count or a tag of the size of blocks.
+    fn count(&mut self) -> Result<u64, Fault> {
+        let number = self.cursor.next(self.size, self.order)?;
+        if number.fract() == 0.0 && (0.0..9e15).contains(&number) {
             Ok(number as u64)
         } else {
             Err(self.cursor.fault(format_args!("{number} is no number of anything")))
         }
     }
 
-    fn begin_section(&mut self) {
+    fn int_count(&mut self) -> Result<u32, Fault> {
+        let number = self.int()?;
+        whole(number).ok_or_else(|| self.cursor.fault(format_args!("{number} is no number of anything")))
+    }
+
+    /// The number at the start of a section: of nodes or elements in version 2, of blocks in version 4, whose other numbers are skipped.
+    fn begin_section(&mut self) -> Result<u64, Fault> {
+        if self.is_version_2() {
+            let count = self.cursor.whole()?;
+            if self.order.is_some() {
+                self.cursor.rest_of_line();
+            }
+            return Ok(count.into());
+        }
         if self.order.is_some() {
             self.cursor.rest_of_line();
         }
-    }
-
-    fn place(&mut self) -> Result<[f64; 3], Fault> {
-        Ok([self.next(Kind::F64)?, self.next(Kind::F64)?, self.next(Kind::F64)?])
-    }
-
-    fn add_node(&mut self, tag: u64, x: [f64; 3]) -> Result<(), Fault> {
-        let number = self.raw.vertices() as u32;
-        self.raw.add_vertex(x);
-        match self.nodes.insert(tag, number) {
-            None => Ok(()),
-            Some(_) => Err(self.cursor.fault(format_args!("node {tag} is there twice"))),
-        }
-    }
-
-    fn node_list(&mut self) -> Result<(), Fault> {
-        let count = self.cursor.whole()?;
-        self.begin_section();
-        for _ in 0..count {
-            let tag = self.count(Kind::I32)?;
-            let x = self.place()?;
-            self.add_node(tag, x)?;
-        }
-        self.end("$EndNodes")
-    }
-
-    fn nodes_of_entities(&mut self) -> Result<(), Fault> {
-        let blocks = self.cursor.whole()?;
-        self.cursor.whole()?;
-        for _ in 0..blocks {
-            self.cursor.number()?;
-            self.cursor.number()?;
-            let parametric = self.cursor.whole()?;
-            self.refuse_parametric(f64::from(parametric))?;
-            for _ in 0..self.cursor.whole()? {
-                let tag = self.count(Kind::U64)?;
-                let x = self.place()?;
-                self.add_node(tag, x)?;
-            }
-        }
-        self.end("$EndNodes")
-    }
-
-    fn refuse_parametric(&self, parametric: f64) -> Result<(), Fault> {
-        if parametric == 0.0 {
-            Ok(())
-        } else {
-            Err(self.cursor.fault("nodes with parametric coordinates are not read"))
-        }
-    }
-
-    fn nodes_of_blocks(&mut self) -> Result<(), Fault> {
-        self.begin_section();
-        let size = self.size;
-        let blocks = self.count(size)?;
-        for _ in 0..3 {
-            self.count(size)?;
-        }
-        let mut tags = Vec::new();
-        for _ in 0..blocks {
-            self.next(Kind::I32)?;
-            self.next(Kind::I32)?;
-            let parametric = self.next(Kind::I32)?;
-            self.refuse_parametric(parametric)?;
-            tags.clear();
-            for _ in 0..self.count(size)? {
-                tags.push(self.count(size)?);
-            }
-            for &tag in &tags {
-                let x = self.place()?;
-                self.add_node(tag, x)?;
-            }
-        }
-        self.end("$EndNodes")
-    }
-
-    fn element_list(&mut self) -> Result<(), Fault> {
-        let count = self.cursor.whole()?;
-        self.begin_section();
-        let mut left = count;
-        while left > 0 {
-            if self.order.is_none() {
-                let element = self.count(Kind::I32)?;
-                let kind = self.count(Kind::I32)?;
-                for _ in 0..self.count(Kind::I32)? {
-                    self.next(Kind::I32)?;
-                }
-                self.element(element, kind, Kind::I32)?;
-                left -= 1;
-                continue;
-            }
-            let (kind, here, tags) = (self.count(Kind::I32)?, self.count(Kind::I32)?, self.count(Kind::I32)?);
-            for _ in 0..here {
-                let element = self.count(Kind::I32)?;
-                for _ in 0..tags {
-                    self.next(Kind::I32)?;
-                }
-                self.element(element, kind, Kind::I32)?;
-            }
-            // A block of none would go on for ever.
-            left = left.saturating_sub(here.clamp(1, u64::from(u32::MAX)) as u32);
-        }
-        self.end("$EndElements")
-    }
-
-    fn elements_of_blocks(&mut self) -> Result<(), Fault> {
-        self.begin_section();
-        let size = self.size;
-        let blocks = self.count(size)?;
+        let blocks = self.count()?;
         for _ in 0..if self.version >= 4.1 { 3 } else { 1 } {
-            self.count(size)?;
+            self.count()?;
         }
-        for _ in 0..blocks {
-            self.next(Kind::I32)?;
-            self.next(Kind::I32)?;
-            let kind = self.count(Kind::I32)?;
-            for _ in 0..self.count(size)? {
-                let element = self.count(size)?;
-                self.element(element, kind, size)?;
-            }
-        }
-        self.end("$EndElements")
+        Ok(blocks)
     }
 
-    /// The corners of an element behind its number.
-    fn element(&mut self, element: u64, kind: u64, tag: Kind) -> Result<(), Fault> {
-        let kind = whole(kind as f64).unwrap_or(u32::MAX);
-        let Some(count) = corners_of(kind) else {
-            return Err(Fault(format!(
-                "element {element} is of type {kind}: only elements with straight edges are read"
-            )));
-        };
-        self.corners.clear();
-        for _ in 0..count {
-            let node = self.count(tag)?;
-            let vertex = self.nodes.get(&node);
-            let vertex =
-                vertex.ok_or_else(|| Fault(format!("element {element} names node {node}, which there is not")))?;
-            self.corners.push(*vertex);
+    fn nodes(&mut self) -> Result<(), Fault> {
+        let count = self.begin_section()?;
+        if self.is_version_2() {
+            self.node_block(count)?;
+        } else {
+            for _ in 0..count {
+                // The entity and its dimension.
+                self.int()?;
+                self.int()?;
+                if self.int()? != 0.0 {
+                    return Err(self.cursor.fault("nodes with parametric coordinates are not read"));
+                }
+                let nodes = self.count()?;
+                self.node_block(nodes)?;
+            }
         }
-        let (raw, corners, place) = (&mut self.raw, &self.corners, element.min(u64::from(u32::MAX)) as u32);
-        match kind {
-            1 => raw.add_line(corners, place),
-            2 | 3 => raw.add_face(corners, place),
-            4 => raw.add_solid(corners, TETRAHEDRON, place),
-            5 => raw.add_solid(corners, HEXAHEDRON, place),
-            6 => raw.add_solid(corners, WEDGE, place),
-            7 => raw.add_solid(corners, PYRAMID, place),
-            // A point.
-            _ => {}
+        self.end("$EndNodes")
+    }
+
+    /// Nodes: their tags and then their coordinates in version 4.1, in turns before.
+    fn node_block(&mut self, count: u64) -> Result<(), Fault> {
+        let mut tags = Vec::new();
+        if self.version >= 4.1 {
+            for _ in 0..count {
+                tags.push(self.count()?);
+            }
+        }
+        let mut tags = tags.into_iter();
+        for _ in 0..count {
+            let tag = tags.next().map_or_else(|| self.count(), Ok)?;
+            let mut x = [0.0; 3];
+            for x in &mut x {
+                *x = self.cursor.next(Kind::F64, self.order)?;
+            }
+            if self.nodes.insert(tag, self.raw.vertices.len() as u32).is_some() {
+                return Err(self.cursor.fault(format_args!("node {tag} is there twice")));
+            }
+            self.raw.add_vertex(x);
         }
         Ok(())
+    }
+
+    fn elements(&mut self) -> Result<(), Fault> {
+        let mut left = self.begin_section()?;
+        while left > 0 {
+            let mut first = None;
+            let (kind, here, tags) = match (self.is_version_2(), self.order) {
+                (true, None) => {
+                    first = Some(self.count()?);
+                    (self.int_count()?, 1, self.int_count()?)
+                }
+                (true, Some(_)) => (self.int_count()?, self.int_count()?.into(), self.int_count()?),
+                (false, _) => {
+                    self.int()?;
+                    self.int()?;
+                    (self.int_count()?, self.count()?, 0)
+                }
+            };
+            for _ in 0..here {
+                let element = first.map_or_else(|| self.count(), Ok)?;
+                for _ in 0..tags {
+                    self.int()?;
+                }
+                self.element(element, kind)?;
+            }
+            // Version 2 counts elements, version 4 blocks. An empty block must not go on for ever.
+            left = left.saturating_sub(if self.is_version_2() { here.max(1) } else { 1 });
+        }
+        self.end("$EndElements")
+    }
+
+    /// The corners of an element after its number.
+    fn element(&mut self, element: u64, kind: u32) -> Result<(), Fault> {
+        // The VTK type, whose corners are in the same order.
+        let (vtk_type, count) = match kind {
+            15 => (1, 1),
+            1 => (3, 2),
+            2 => (5, 3),
+            3 => (9, 4),
+            4 => (10, 4),
+            5 => (12, 8),
+            6 => (13, 6),
+            7 => (14, 5),
+            _ => {
+                let message =
+                    format!("element {element} is of type {kind}: only elements with straight edges are read");
+                return Err(Fault(message));
+            }
+        };
+        let mut corners = [0; 8];
+        for corner in &mut corners[..count] {
+            let node = self.count()?;
+            let missing = || Fault(format!("element {element} names node {node}, which there is not"));
+            *corner = *self.nodes.get(&node).ok_or_else(missing)?;
+        }
+        add_cell(&mut self.raw, vtk_type, &corners[..count], element.min(u64::from(u32::MAX)) as u32)
     }
 }

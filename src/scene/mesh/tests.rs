@@ -258,11 +258,11 @@ fn vertices_are_welded_and_surprises_noted() {
     mesh.weld(0.02);
     assert_eq!((mesh.vertices.len(), mesh.edges.clone(), mesh.triangles.len()), (4, vec![[0, 1], [1, 2]], 0));
     assert_eq!(mesh.vertices[1].x, 1.0);
-    mesh.note_surprises();
+    mesh.add_notes();
     let expected = ["mesh.weld joins 5 vertices to 4", "vertex 3 is in no edge: it moves on its own"];
     assert_eq!(mesh.notes, expected);
     let mut apart = read("v 0 0 0\nv 1 0 0\nv -0 0 0\nv 0 1 0\nl 1 2\nl 3 4").unwrap();
-    apart.note_surprises();
+    apart.add_notes();
     let expected = [
         "the mesh is 2 loose parts, which no edge joins",
         "1 vertex lies where another does; mesh.weld = 0 joins them",

@@ -1,9 +1,9 @@
 //! Legacy VTK files, of unstructured grids and polygons, as text and binary, versions 1 to 5.
 
 use super::cursor::{Cursor, Kind, Order, whole};
-use super::raw::{Fault, HEXAHEDRON, PYRAMID, Raw, TETRAHEDRON, WEDGE};
+use super::{Fault, Raw};
 
-/// Cells as corners one after the other, and where each ends.
+/// Cells as consecutive corners, and the end of each.
 #[derive(Debug, Default)]
 pub struct Cells {
     pub corners: Vec<u32>,
@@ -18,8 +18,8 @@ impl Cells {
         (0..).zip(cells.map(Option::unwrap_or_default))
     }
 
-    /// Adds all to a mesh, as `add` does with each.
-    pub fn add(&self, raw: &mut Raw, add: impl Fn(&mut Raw, &[u32], u32)) {
+    /// Adds all to a mesh with the same function.
+    pub fn add(&self, raw: &mut Raw, add: fn(&mut Raw, &[u32], u32)) {
         self.each().for_each(|(number, corners)| add(raw, corners, number));
     }
 
@@ -28,16 +28,21 @@ impl Cells {
         if types.len() != self.ends.len() {
             return Err(Fault(format!("has {} cells and {} types", self.ends.len(), types.len())));
         }
-        for ((number, corners), &kind) in self.each().zip(types) {
-            add_cell(raw, kind, corners, number)?;
-        }
-        Ok(())
+        self.each()
+            .zip(types)
+            .try_for_each(|((number, corners), &kind)| add_cell(raw, whole(kind).unwrap_or(u32::MAX), corners, number))
     }
 }
 
+/// The edges of solid elements between their corners.
+const TETRAHEDRON: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]];
+const HEXAHEDRON: &[[usize; 2]] =
+    &[[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
+const WEDGE: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]];
+const PYRAMID: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 3], [3, 0], [0, 4], [1, 4], [2, 4], [3, 4]];
+
 /// Adds a cell by its VTK type.
-fn add_cell(raw: &mut Raw, kind: f64, corners: &[u32], number: u32) -> Result<(), Fault> {
-    let kind = whole(kind).unwrap_or(u32::MAX);
+pub fn add_cell(raw: &mut Raw, kind: u32, corners: &[u32], number: u32) -> Result<(), Fault> {
     let count = match kind {
         5 => 3,
         8..=10 => 4,
@@ -49,16 +54,16 @@ fn add_cell(raw: &mut Raw, kind: f64, corners: &[u32], number: u32) -> Result<()
     if corners.len() != count {
         return Err(Fault(format!("cell {number} of type {kind} has {} corners in place of {count}", corners.len())));
     }
-    let turned = |order: &[usize]| -> Vec<u32> { order.iter().filter_map(|&at| corners.get(at).copied()).collect() };
+    let reordered = |order: &[usize]| -> Vec<u32> { order.iter().filter_map(|&at| corners.get(at).copied()).collect() };
     match kind {
         // Points.
         1 | 2 => {}
         3 | 4 => raw.add_line(corners, number),
         5 | 7 | 9 => raw.add_face(corners, number),
         6 => raw.add_strip(corners, number),
-        8 => raw.add_face(&turned(&[0, 1, 3, 2]), number),
+        8 => raw.add_face(&reordered(&[0, 1, 3, 2]), number),
         10 => raw.add_solid(corners, TETRAHEDRON, number),
-        11 => raw.add_solid(&turned(&[0, 1, 3, 2, 4, 5, 7, 6]), HEXAHEDRON, number),
+        11 => raw.add_solid(&reordered(&[0, 1, 3, 2, 4, 5, 7, 6]), HEXAHEDRON, number),
         12 => raw.add_solid(corners, HEXAHEDRON, number),
         13 => raw.add_solid(corners, WEDGE, number),
         14 => raw.add_solid(corners, PYRAMID, number),
@@ -67,7 +72,7 @@ fn add_cell(raw: &mut Raw, kind: f64, corners: &[u32], number: u32) -> Result<()
     Ok(())
 }
 
-/// Numbers of vertices, all of which must be some.
+/// Numbers as indices of vertices.
 pub fn indices(numbers: &[f64]) -> Result<Vec<u32>, Fault> {
     let index = |&number: &f64| whole(number).ok_or_else(|| Fault(format!("{number} is the number of no vertex")));
     numbers.iter().map(index).collect()
@@ -76,7 +81,7 @@ pub fn indices(numbers: &[f64]) -> Result<Vec<u32>, Fault> {
 struct Reader<'a> {
     cursor: Cursor<'a>,
     is_binary: bool,
-    /// Whether cells are stored as offsets and connectivity.
+    /// Cells are stored as offsets and connectivity.
     has_offsets: bool,
 }
 
@@ -106,7 +111,7 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
                 let count = reader.cursor.whole()? as usize;
                 let kind = reader.kind()?;
                 let numbers = reader.numbers(kind, count.saturating_mul(3))?;
-                numbers.chunks_exact(3).for_each(|x| raw.add_vertex([x[0], x[1], x[2]]));
+                raw.add_vertices(&numbers);
             }
             "CELLS" => cells = reader.cells()?,
             "CELL_TYPES" => {
@@ -118,9 +123,13 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
             "POLYGONS" => reader.cells()?.add(&mut raw, Raw::add_face),
             "TRIANGLE_STRIPS" => reader.cells()?.add(&mut raw, Raw::add_strip),
             "VERTICES" => drop(reader.cells()?),
-            "METADATA" => reader.pass_metadata(),
-            "FIELD" => reader.pass_field()?,
-            // What is known of points and cells comes last.
+            "METADATA" => {
+                // Up to an empty line.
+                reader.cursor.rest_of_line();
+                while !reader.cursor.rest_of_line().trim().is_empty() {}
+            }
+            "FIELD" => reader.skip_field()?,
+            // Attributes come last.
             "POINT_DATA" | "CELL_DATA" => break,
             _ => return Err(reader.cursor.fault(format_args!("{word:?} is no word of VTK"))),
         }
@@ -167,29 +176,20 @@ impl Reader<'_> {
             cells.ends.push(cells.corners.len() as u32);
             rest = others;
         }
-        match cells.ends.len() == count {
-            true => Ok(cells),
-            false => Err(self.cursor.fault(format_args!("{} cells in place of {count}", cells.ends.len()))),
+        if cells.ends.len() != count {
+            return Err(self.cursor.fault(format_args!("{} cells in place of {count}", cells.ends.len())));
         }
-    }
-
-    /// What stands below the word, up to an empty line.
-    fn pass_metadata(&mut self) {
-        self.cursor.rest_of_line();
-        while !self.cursor.rest().is_empty() && !self.cursor.rest_of_line().trim().is_empty() {}
+        Ok(cells)
     }
 
     /// `FIELD name n`, and n times `name components tuples type` with their numbers.
-    fn pass_field(&mut self) -> Result<(), Fault> {
+    fn skip_field(&mut self) -> Result<(), Fault> {
         self.cursor.word();
         for _ in 0..self.cursor.whole()? {
             self.cursor.word();
             let count = f64::from(self.cursor.whole()?) * f64::from(self.cursor.whole()?);
-            let word = self.cursor.word().unwrap_or_default();
-            match Kind::named(word) {
-                Some(kind) => _ = self.numbers(kind, count as usize)?,
-                None => return Err(self.cursor.fault(format_args!("{word:?} is no type of numbers"))),
-            }
+            let kind = self.kind()?;
+            self.numbers(kind, count as usize)?;
         }
         Ok(())
     }

@@ -1,8 +1,8 @@
-//! VTK's XML files, of unstructured grids and polygons: numbers as text, in base64 or appended, compressed by zlib or not.
+//! VTK XML files, of unstructured grids and polygons: numbers as text, in base64 or appended, compressed by zlib or not.
 
 use super::cursor::{Kind, Order};
-use super::raw::{Fault, Raw};
 use super::vtk::{Cells, indices};
+use super::{Fault, Raw};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use flate2::read::ZlibDecoder;
@@ -10,17 +10,17 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use std::io::Read;
 
-/// How the numbers of a file are stored.
+/// The storage of a file's numbers.
 struct Storage<'a> {
     order: Order,
-    /// Of lengths.
+    /// The type of lengths.
     header: Kind,
     is_compressed: bool,
     appended: &'a [u8],
     is_raw: bool,
 }
 
-/// An array, named by the element that it stands in and itself.
+/// An array, named by its parent element and itself.
 struct Array {
     parent: String,
     name: String,
@@ -31,7 +31,7 @@ struct Array {
 }
 
 pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
-    // What is appended need not be XML.
+    // Appended data need not be XML.
     let cut = find(bytes, b"<AppendedData").unwrap_or(bytes.len());
     let (xml, tail) = bytes.split_at(cut);
     let opening = tail.get(..find(tail, b">").unwrap_or(0)).unwrap_or_default();
@@ -45,8 +45,8 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
     };
     let mut raw = Raw::new("cell", 0);
     let mut reader = Reader::from_reader(xml);
-    let mut parents: Vec<String> = Vec::new();
-    let mut piece: Vec<Array> = Vec::new();
+    reader.config_mut().expand_empty_elements = true;
+    let (mut parents, mut piece) = (Vec::<String>::new(), Vec::<Array>::new());
     let mut is_vtk = false;
     loop {
         match reader.read_event().map_err(|error| Fault(format!("is no XML: {error}")))? {
@@ -61,9 +61,6 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
                     _ => {}
                 }
                 parents.push(name);
-            }
-            Event::Empty(element) if element.name().as_ref() == b"DataArray" => {
-                piece.push(array(&element, parents.last()));
             }
             Event::Text(text) if parents.last().is_some_and(|parent| parent == "DataArray") => {
                 if let Some(array) = piece.last_mut() {
@@ -109,13 +106,13 @@ fn array(element: &BytesStart, parent: Option<&String>) -> Array {
 
 fn add_piece(raw: &mut Raw, storage: &Storage, arrays: &[Array]) -> Result<(), Fault> {
     // The vertices of a piece are numbered from zero.
-    let before = raw.vertices() as u32;
+    let before = raw.vertices.len() as u32;
     let numbers = |parent: &str, name: &str| {
         let array = arrays.iter().find(|array| array.parent == parent && (name.is_empty() || array.name == name));
         array.map(|array| storage.numbers(array)).transpose()
     };
     if let Some(points) = numbers("Points", "")? {
-        points.chunks_exact(3).for_each(|x| raw.add_vertex([x[0], x[1], x[2]]));
+        raw.add_vertices(&points);
     }
     let cells = |parent: &str| -> Result<Option<Cells>, Fault> {
         let (Some(corners), Some(ends)) = (numbers(parent, "connectivity")?, numbers(parent, "offsets")?) else {
@@ -127,13 +124,9 @@ fn add_piece(raw: &mut Raw, storage: &Storage, arrays: &[Array]) -> Result<(), F
     if let (Some(cells), Some(types)) = (cells("Cells")?, numbers("Cells", "types")?) {
         cells.add_typed(raw, &types)?;
     }
-    for (parent, add) in
-        [("Lines", Raw::add_line as fn(&mut Raw, &[u32], u32)), ("Polys", Raw::add_face), ("Strips", Raw::add_strip)]
-    {
-        if let Some(cells) = cells(parent)? {
-            cells.add(raw, add);
-        }
-    }
+    cells("Lines")?.unwrap_or_default().add(raw, Raw::add_line);
+    cells("Polys")?.unwrap_or_default().add(raw, Raw::add_face);
+    cells("Strips")?.unwrap_or_default().add(raw, Raw::add_strip);
     Ok(())
 }
 
@@ -175,10 +168,10 @@ impl Storage<'_> {
         Ok(bytes.chunks_exact(kind.size()).map(|bytes| kind.number(bytes, self.order)).collect())
     }
 
-    /// What stands behind its length, or behind those of its compressed blocks.
+    /// The data after their length, or after those of their compressed blocks.
     fn unpacked(&self, bytes: &[u8]) -> Option<Vec<u8>> {
-        let mut lengths = bytes.chunks_exact(self.header.size()).map(|bytes| self.header.number(bytes, self.order));
         let size = self.header.size();
+        let mut lengths = bytes.chunks_exact(size).map(|bytes| self.header.number(bytes, self.order));
         if !self.is_compressed {
             let length = lengths.next()? as usize;
             return bytes.get(size..size.checked_add(length)?).map(<[u8]>::to_vec);
@@ -197,11 +190,11 @@ impl Storage<'_> {
     }
 }
 
-/// The bytes of base64 text, in which several pieces may follow each other, each filled up to four characters.
+/// The bytes of base64 text: one or more pieces, each padded to four characters.
 fn decoded(text: &[u8]) -> Option<Vec<u8>> {
-    let is_meant = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'/' | b'=');
+    let is_base64 = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'/' | b'=');
     let spaced = text.iter().copied().filter(|byte| !byte.is_ascii_whitespace());
-    let text: Vec<u8> = spaced.take_while(is_meant).collect();
+    let text: Vec<u8> = spaced.take_while(is_base64).collect();
     let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
     let mut start = 0;
     let mut groups = text.chunks_exact(4).enumerate().peekable();

@@ -1,6 +1,8 @@
 //! Backward errors and bounds of solutions of small systems, worked out by hand.
 
 use super::*;
+use crate::verify::fixtures::assert_close;
+use nalgebra::DVector;
 
 /// With x below `b − A x = (0, 1/2, −1/4)` and `|A||x| + |b| = (4, 64.5, 18.25)`; the roots of the diagonal are 2, 4 and 3, the
 /// largest product with |x| is 4 · 2 = 8, and the largest sum of a row is 19.
@@ -16,22 +18,18 @@ fn solved<'a>(x: &'a [f64], promise: Promise) -> Solved<'a> {
     Solved { method: "m", x, promise }
 }
 
-fn is(value: f64, expected: f64) {
-    assert!((value / expected - 1.0).abs() < 1e-14, "{value:e} is not {expected:e}");
-}
-
 #[test]
 fn backward_errors_by_hand() {
     let checks = backward_errors(&system(), &B, &solved(&X, Promise::Stable), "s");
     let names: Vec<&str> = checks.iter().map(|check| check.name.as_str()).collect();
     assert_eq!(names, ["normwise backward error of m", "componentwise backward error of m"]);
-    is(checks[0].value, 0.5 / (19.0 * 2.0 + 30.0));
+    assert_close(checks[0].value, 0.5 / (19.0 * 2.0 + 30.0));
     // The last row is worst: 1/4 of the 24 that elimination passes through, not 1/2 of 64.5.
-    is(checks[1].value, 0.25 / 24.0);
+    assert_close(checks[1].value, 0.25 / 24.0);
     assert!(checks.iter().all(|check| check.bound == 30.0 * U));
     let table: Vec<_> = checks[1].table.iter().map(|entry| (entry.row, entry.analytic, entry.numeric)).collect();
     assert_eq!(table, [(2, -5.0, -5.25), (1, 29.5, 30.0), (0, 0.0, 0.0)]);
-    is(indefinite_backward_error(&system(), &B, &X, "m", "s").value, 0.5 / 68.0);
+    assert_close(indefinite_backward_error(&system(), &B, &X, "m", "s").value, 0.5 / 68.0);
 }
 
 #[test]
@@ -58,8 +56,8 @@ fn an_exact_solution_has_no_error() {
 fn the_residual_of_an_iteration_by_hand() {
     let check = tolerance_is_met(&system(), &B, &X, 1e-14, "m", "s");
     let b = (900.0 + 5.25 * 5.25_f64).sqrt();
-    is(check.value, (0.25 + 0.0625_f64).sqrt() / b);
-    is(check.bound, 1e-14 + 30.0 * U * (16.0 + 64.5 * 64.5 + 18.25 * 18.25_f64).sqrt() / b);
+    assert_close(check.value, (0.25 + 0.0625_f64).sqrt() / b);
+    assert_close(check.bound, 1e-14 + 30.0 * U * (16.0 + 64.5 * 64.5 + 18.25 * 18.25_f64).sqrt() / b);
 }
 
 /// Of the diagonal matrix (4, 16, 1) and its exact solution the stable residuals are 30 u of 16, 64 and 8, twice that for two methods;
@@ -77,10 +75,10 @@ fn solutions_differ_by_what_both_methods_promise() {
     let bound = |iterated: f64| 3.0 * (2.0 * 30.0 * U * 8.0 + iterated) * (1.0 + 3.0 * U) / 2.0;
     let stable = check(Promise::Stable, Promise::Stable);
     assert_eq!(stable.value, 0.25);
-    is(stable.bound, bound(0.0));
+    assert_close(stable.bound, bound(0.0));
     assert!(stable.why.ends_with("about 1.6e1"), "{}", stable.why);
     let iterated = check(Promise::Tolerance(1e-15), Promise::Tolerance(3e-15));
-    is(iterated.bound, bound(4e-15 * 1029_f64.sqrt()));
+    assert_close(iterated.bound, bound(4e-15 * 1029_f64.sqrt()));
 }
 
 #[test]
@@ -112,4 +110,83 @@ fn a_condition_is_held_to_the_dense_inverse() {
     }
     // Four times too low is what some matrices do to any estimate of this kind.
     assert!(!check(0.125).is_judged && check(0.25).is_judged);
+}
+
+#[test]
+fn the_residual_is_exact_where_double_precision_sees_nothing() {
+    // 1 − (1 + 2⁻³⁰)(1 − 2⁻³⁰) = 2⁻⁶⁰, which a rounded product loses.
+    let e = 2.0_f64.powi(-30);
+    let a = CscMatrix::from(&DMatrix::from_element(1, 1, 1.0 + e));
+    let residual = Residual::new(&a, &[1.0], &[1.0 - e]).unwrap();
+    assert_eq!(residual.values, [2.0_f64.powi(-60)]);
+    assert_eq!(1.0 - (1.0 + e) * (1.0 - e), 0.0);
+    assert!(Residual::new(&a, &[1.0, 2.0], &[1.0]).is_none());
+    assert!(Residual::new(&a, &[1.0], &[]).is_none());
+}
+
+fn estimate(b: &DMatrix<f64>) -> f64 {
+    let times = |b: DMatrix<f64>| {
+        move |x: &mut [f64]| {
+            let y = &b * DVector::from_column_slice(x);
+            x.copy_from_slice(y.as_slice());
+        }
+    };
+    one_norm_estimate(b.ncols(), times(b.clone()), times(b.transpose()))
+}
+
+#[test]
+fn the_estimate_is_a_lower_bound_within_a_factor_of_three() {
+    for seed in 0..40 {
+        let n = 1 + seed as usize % 9;
+        let b = DMatrix::from_vec(n, n, crate::verify::free_coordinates::random_vector(n * n, seed));
+        let exact = b.column_iter().map(|column| column.lp_norm(1)).fold(0.0, f64::max);
+        let found = estimate(&b);
+        assert!(found <= exact * 1.000001 && found >= exact / 3.0, "{found} of {exact}");
+    }
+    assert!(estimate(&DMatrix::from_element(2, 2, f64::NAN)).is_nan());
+    assert_eq!(forward_bound(&[], &mut |_| {}), 0.0);
+    assert_eq!(forward_bound(&[0.0], &mut |_| {}), 0.0);
+}
+
+/// A matrix that fools the climb: `B x` of the even vector and of every corner that the climb tries is small beside that of the alternating
+/// vector `(1, −1 − 1/(n − 1), 1 + 2/(n − 1), …)`, of which two thirds over n are the estimate (Higham 1988).
+#[test]
+fn the_last_vector_alternates() {
+    for n in 2..7 {
+        let z: Vec<f64> =
+            (0..n).map(|i| (1.0 + f64::from(i) / (f64::from(n) - 1.0)) * if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        let mut seen = Vec::new();
+        let nothing = |x: &mut [f64]| x.fill(0.0);
+        let product = |x: &mut [f64]| {
+            seen = x.to_vec();
+            x.fill(3.0);
+        };
+        let found = one_norm_estimate(n as usize, product, nothing);
+        for (seen, expected) in seen.iter().zip(&z) {
+            assert!((seen - expected).abs() < 1e-15, "{seen} {expected}");
+        }
+        assert!((found - 3.0 * f64::from(n)).abs() < 1e-12);
+        let large = one_norm_estimate(n as usize, |x| if x[1] < -0.9 { x.fill(90.0) } else { x.fill(0.0) }, nothing);
+        assert!((large - 60.0).abs() < 1e-12, "{large}");
+    }
+}
+
+/// The climb follows signs, of which that of zero is positive: from (1, 1) the gradient of ‖B x‖₁ for B = (1, 0; −1, 1) is Bᵀ(1, 1).
+#[test]
+fn the_climb_follows_signs() {
+    let mut signs = Vec::new();
+    let product = |x: &mut [f64]| (x[0], x[1], x[2]) = (x[0], x[1] - x[0], x[2] - 2.0 * x[0]);
+    let found = one_norm_estimate(3, product, |x: &mut [f64]| {
+        signs.push(x.to_vec());
+        (x[0], x[1], x[2]) = (x[0] - x[1] - 2.0 * x[2], x[1], x[2]);
+    });
+    assert_eq!((signs[0].as_slice(), found), (&[1.0, 1.0, -1.0][..], 4.0));
+}
+
+/// Three times ‖diag(r) A⁻¹‖₁, a little more for rounding, also where one of the residuals is zero.
+#[test]
+fn forward_bounds_weigh_the_residual() {
+    let halved = |x: &mut [f64]| x.iter_mut().for_each(|x| *x *= 0.5);
+    let bound = forward_bound(&[0.0, 8.0, 2.0], &mut { halved });
+    assert!(bound > 12.0 && bound < 12.0 * (1.0 + 1e-12), "{bound}");
 }

@@ -1,10 +1,10 @@
-//! A copy of the program below the target folder, to be changed and built there.
+//! A copy of the program in the target folder, to be modified and built there.
 
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-/// What is no part of the program.
-const LEFT_OUT: [&str; 3] = ["target", ".git", "out"];
+/// Folders that are not copied.
+const SKIPPED: [&str; 3] = ["target", ".git", "out"];
 
 /// The folder that Cargo builds into.
 pub fn target(root: &Path) -> PathBuf {
@@ -16,15 +16,15 @@ pub fn program(root: &Path, copy: &Path) -> io::Result<()> {
     fs::create_dir_all(copy)?;
     for part in fs::read_dir(root)? {
         let part = part?.file_name();
-        if !LEFT_OUT.iter().any(|left_out| part == *left_out) {
+        if !SKIPPED.iter().any(|skipped| part == *skipped) {
             synchronise(&root.join(&part), &copy.join(&part))?;
         }
     }
     Ok(())
 }
 
-/// Gives a target folder of a copy the dependencies that are built already, by links: they are the same, and take minutes. What is built
-/// of the program itself stays apart, as Cargo cannot tell a copy from the original.
+/// Links compiled dependencies into the target folder of a copy. Artefacts of the program itself are not linked, as Cargo cannot distinguish a copy from
+/// the original.
 pub fn dependencies(root: &Path, folder: &Path) -> io::Result<()> {
     let built = target(root).join("faults");
     if !built.exists() || folder.exists() {

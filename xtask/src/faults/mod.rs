@@ -1,8 +1,7 @@
-//! Plants faults in a copy of the program, one after the other, and records which tests catch each.
+//! Plants faults in a copy of the program, one at a time, and records the tests that detect each.
 //!
-//! Every fault of `verification/faults.toml` is put into a copy below the target folder, and the verification suite runs on it, or the
-//! tests of a module where the fault is one that the suite cannot see. `src/report/faults.json` keeps what was caught for the reports of
-//! the suite, `verification/faults.md` for readers.
+//! Every fault of `verification/faults.toml` is planted in a copy in the target folder. The verification suite runs on it, or the tests of a module
+//! if the suite cannot detect the fault. `src/report/faults.json` (for reports) and `verification/faults.md` record the results.
 
 mod copy;
 mod page;
@@ -18,16 +17,16 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Longest time that the suite may take on a faulty program; it takes some seconds on the right one.
+/// Time limit of the suite on a faulty program; on the correct one it takes seconds.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// How many families of tests a record names.
+/// The number of test families in a record.
 const NAMED: usize = 4;
 
-/// Which faults.
+/// The selected faults.
 #[derive(Debug, Clone, Args)]
 pub struct Chosen {
-    /// Parts of names: only these faults are planted, and only their rows renewed; without one, all
+    /// Parts of names of faults to plant and renew; default: all
     parts: Vec<String>,
 }
 
@@ -42,16 +41,16 @@ struct List {
     fault: Vec<Fault>,
 }
 
-/// A fault: an expression in a function, and what is put in its place.
+/// A fault: an expression in a function, and its replacement.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Fault {
     name: String,
-    /// The function's path, or as much of its end as names no other; a constant's too.
+    /// A unique suffix of the path of a function or constant.
     function: String,
     find: String,
     replace: String,
-    /// Unit tests and tests of the library with this in their names are to catch it, as the suite does not see it.
+    /// The filter of the unit and library tests that detect it, if the suite does not.
     tests: Option<String>,
 }
 
@@ -60,19 +59,19 @@ struct Fault {
 struct Caught {
     fault: String,
     function: String,
-    /// Number of tests that failed.
+    /// The number of failed tests.
     tests: usize,
-    /// Number of families of these tests.
+    /// The number of their families.
     families: usize,
-    /// The largest families, each with the number of its tests.
+    /// The largest families with their numbers of tests.
     by: Vec<(String, usize)>,
 }
 
-/// How tests ended on a program.
+/// The outcome of tests on a program.
 enum Verdict {
     Failed(Vec<String>),
     Passed,
-    /// They did not start, or did not end in time.
+    /// They did not start, or exceeded the time limit.
     Broke(&'static str),
 }
 
@@ -221,7 +220,7 @@ fn outcome(command: &mut Command, output: &Path) -> Result<Verdict> {
 mod tests {
     use super::{list, place::Source};
 
-    /// Planting takes a quarter of an hour, and seldom happens; that a fault has lost its place is seen at once.
+    /// The place of every fault exists.
     #[test]
     fn every_fault_has_its_place() {
         let root = crate::root().unwrap();

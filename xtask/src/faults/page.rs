@@ -1,4 +1,4 @@
-//! The page of the faults and what catches them.
+//! The page of faults and the tests that detect them.
 
 use super::Caught;
 use std::fmt::Write;

@@ -1,7 +1,6 @@
-//! Places in the source by the name of a function and the text of an expression in it, so that edits elsewhere, moves between files and
-//! line breaks leave them alone.
+//! Source locations by function name and expression text, independent of line breaks and of moves between files.
 
-use crate::circles::{collect as files_below, module};
+use crate::cycles::{collect as files_below, module};
 use anyhow::{Context, Result, ensure};
 use std::collections::BTreeMap;
 use std::fs;
@@ -10,20 +9,20 @@ use std::path::{Path, PathBuf};
 use syn::spanned::Spanned;
 use syn::{ImplItem, Item, TraitItem, Type};
 
-/// Functions and constants of the source that is compiled into the product, by name.
+/// Functions and constants of the source, without tests, by name.
 pub struct Source {
     items: Vec<Named>,
     texts: BTreeMap<PathBuf, String>,
 }
 
-/// A function or a constant: `module::Type::function`, where it stands, and its bytes there.
+/// A function or a constant, `module::Type::function`, with its file and bytes.
 struct Named {
     path: String,
     file: PathBuf,
     bytes: Range<usize>,
 }
 
-/// A place in a file, by its bytes.
+/// A range of bytes in a file.
 #[derive(Debug, PartialEq)]
 pub struct Place {
     pub file: PathBuf,
@@ -52,8 +51,7 @@ impl Source {
         Ok(())
     }
 
-    /// The place of a text in the function or constant of which `name` is the whole path or its end. Spaces, line breaks and comments make
-    /// no difference.
+    /// The location of a text in the function or constant whose path ends with `name`. Whitespace and comments are ignored.
     ///
     /// # Errors
     /// No such function, several of them, or not exactly one such text in it.
@@ -63,7 +61,7 @@ impl Source {
         let meant: Vec<&Named> = self.items.iter().filter(|item| is_meant(&item.path)).collect();
         let paths: Vec<&str> = meant.iter().map(|item| item.path.as_str()).collect();
         ensure!(!meant.is_empty(), "there is no function {name}");
-        // Implementations of one trait for one type with other parameters have one name; the text tells them apart.
+        // Several implementations of a trait share a name; the text distinguishes them.
         let mut places = Vec::new();
         for item in &meant {
             let whole = &self.texts[&item.file];
@@ -78,7 +76,7 @@ impl Source {
     }
 }
 
-/// Hands on functions and constants with their paths; tests are left out.
+/// Reports functions and constants with their paths, without tests.
 fn collect(items: &[Item], path: &mut Vec<String>, found: &mut impl FnMut(String, Range<usize>)) {
     let mut hand_on =
         |path: &[String], name: &syn::Ident, bytes| found([path, &[name.to_string()]].concat().join("::"), bytes);
@@ -131,7 +129,7 @@ fn type_name(of: &Type) -> String {
     }
 }
 
-/// Where a text occurs in another, both without spaces and comments.
+/// The occurrences of a text in another, ignoring whitespace and comments.
 fn occurrences(source: &str, text: &str) -> Vec<Range<usize>> {
     let (source, text) = (marks(source), marks(text));
     let is_same = |window: &&[(usize, char)]| window.iter().map(|mark| mark.1).eq(text.iter().map(|mark| mark.1));
@@ -143,7 +141,7 @@ fn occurrences(source: &str, text: &str) -> Vec<Range<usize>> {
     source.windows(text.len().max(1)).filter(is_same).map(range).collect()
 }
 
-/// Characters that are neither spaces nor in comments, with their positions.
+/// Characters outside of whitespace and comments, with their positions.
 fn marks(text: &str) -> Vec<(usize, char)> {
     let mut marks = Vec::new();
     let mut start = 0;
@@ -158,7 +156,7 @@ fn marks(text: &str) -> Vec<(usize, char)> {
 #[cfg(test)]
 mod tests {
     use super::{Place, Source};
-    use crate::circles::module;
+    use crate::cycles::module;
     use std::collections::BTreeMap;
     use std::path::Path;
 

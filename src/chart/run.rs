@@ -1,0 +1,187 @@
+//! One run: what it costs, and its errors at the end against the reference.
+
+use super::curve::ADAPTIVE;
+use super::decision::short;
+use super::{Deadline, Reference};
+use crate::accuracy::{Configuration, StepControl, Trial, relative_position_error, trial};
+use crate::error::Result;
+use crate::force::{Energy, angular_momentum, linear_momentum};
+use crate::integrate::Status;
+use crate::linear::CostModel;
+use crate::system::{State, System};
+use crate::work::Work;
+use nalgebra::Vector3;
+use serde::Serialize;
+use std::time::Duration;
+
+/// An error above this is no result: the run counts as failed.
+pub const LARGEST_ERROR: f64 = 1.0;
+
+/// One run of the sweep.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Run {
+    /// The method's name.
+    pub method: &'static str,
+    /// The stiffness policy's name; `none` for a method without matrices.
+    pub stiffness: &'static str,
+    /// The linear solver used; `none` for a method without matrices.
+    pub solver: &'static str,
+    /// Tolerance of conjugate gradients; `None` for other solvers.
+    pub tolerance: Option<f64>,
+    /// Relative tolerance of adaptive steps; `None` for steps of one length.
+    pub rtol: Option<f64>,
+    /// Time step, in s; of adaptive steps the mean.
+    pub dt: f64,
+    /// The status at its end.
+    pub status: Status,
+    /// The message of the failure.
+    pub failure: Option<String>,
+    /// The [relative position error](relative_position_error) at the end time; `None` for a run that did not get there.
+    pub error: Option<f64>,
+    /// Other errors at the end time.
+    pub quality: Option<Quality>,
+    /// The shortest of `repeats` repetitions after a first one, in s; of the first where there was time for no other.
+    pub wall_seconds: f64,
+    /// Repetitions after the first.
+    pub repeats: u32,
+    /// The work done, the same on any machine.
+    pub work: Work,
+    /// The [cost](CostModel) of the work, in force evaluations.
+    pub cost: f64,
+}
+
+impl Run {
+    /// The method's name, `w2, adaptive` where its steps are: what a person chooses first.
+    pub fn variant(&self) -> String {
+        format!("{}{}", self.method, if self.rtol.is_some() { ADAPTIVE } else { "" })
+    }
+
+    /// Its steps, in words.
+    pub fn step_control(&self) -> String {
+        match self.rtol {
+            Some(rtol) => format!("adaptive steps, rtol = {}", short(rtol)),
+            None => format!("dt = {} s", short(self.dt)),
+        }
+    }
+
+    /// The error of a run that completed with one below [`LARGEST_ERROR`].
+    pub fn useful_error(&self) -> Option<f64> {
+        self.error.filter(|error| *error < LARGEST_ERROR)
+    }
+
+    /// Why a run has no useful error, in a word or two.
+    pub fn cause(&self) -> Option<String> {
+        match self.error {
+            _ if self.useful_error().is_some() => None,
+            Some(_) => Some("error above 100 %".into()),
+            None => Some(self.status.name().replace('-', " ")),
+        }
+    }
+}
+
+/// Errors of a final state against the reference.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Quality {
+    /// The [relative position error](relative_position_error).
+    pub error: f64,
+    /// `(E − Ê)/s`: total energy above that of the reference, over the energy s that the motion exchanges.
+    pub energy_drift: f64,
+    /// `‖Σ m v − Σ m v̂‖ / Σ m ‖v̂‖`.
+    pub linear_momentum_drift: f64,
+    /// `‖Σ m x × v − Σ m x̂ × v̂‖ / Σ m ‖x̂ − c‖ ‖v̂‖`, both about the centroid c of the reference.
+    pub angular_momentum_drift: f64,
+}
+
+impl Quality {
+    /// The errors of a state against the reference at the same time. s is the kinetic and elastic energy of the reference at its end and at
+    /// the start, and the gravitational energy between.
+    pub fn of(system: &System, state: &State, reference: &State, start: &State) -> Self {
+        let [energy, ideal, initial] = [state, reference, start].map(|state| Energy::of(system, state));
+        let stored = (ideal.kinetic + ideal.elastic) + (initial.kinetic + initial.elastic);
+        let exchanged = stored + (ideal.gravitational - initial.gravitational).abs();
+        let centroid = reference.positions.iter().sum::<Vector3<f64>>() / reference.positions.len().max(1) as f64;
+        let about = |state: &State| {
+            let positions = state.positions.iter().map(|x| x - centroid).collect();
+            angular_momentum(system, &State { positions, ..state.clone() })
+        };
+        let moving = || system.masses().iter().zip(&reference.velocities).map(|(m, v)| m * v.norm());
+        let turning: f64 = moving().zip(&reference.positions).map(|(p, x)| p * (x - centroid).norm()).sum();
+        let linear = (linear_momentum(system, state) - linear_momentum(system, reference)).norm();
+        let angular = (about(state) - about(reference)).norm();
+        let relative = |difference: f64, scale: f64| if difference == 0.0 { 0.0 } else { difference / scale };
+        Self {
+            error: relative_position_error(&state.positions, &reference.positions, &start.positions),
+            energy_drift: relative(energy.total() - ideal.total(), exchanged),
+            linear_momentum_drift: relative(linear, moving().sum()),
+            angular_momentum_drift: relative(angular, turning),
+        }
+    }
+}
+
+/// The scene and the reference that runs are made on and measured by.
+pub(super) struct Bench<'s> {
+    pub system: &'s System,
+    pub start: &'s State,
+    pub duration: f64,
+    pub reference: &'s Reference,
+    pub costs: CostModel,
+}
+
+impl Bench<'_> {
+    /// Runs and measures; `None` when the deadline came first.
+    pub fn measure(
+        &self,
+        configuration: &Configuration,
+        control: StepControl,
+        deadline: Deadline,
+    ) -> Result<Option<Run>> {
+        let in_time = || deadline.allows(Duration::ZERO);
+        let once = || trial(self.system, self.start, configuration, control, self.duration, &in_time);
+        let first = once()?;
+        if first.status == Status::Interrupted {
+            return Ok(None);
+        }
+        // The first run warms the caches up; the noise of a long one is small against its length.
+        let (mut repeats, mut wall) = (0, first.wall);
+        while first.wall < Duration::from_millis(100) && repeats < 3 && deadline.allows(first.wall) {
+            let again = once()?.wall;
+            wall = if repeats == 0 { again } else { wall.min(again) };
+            repeats += 1;
+        }
+        Ok(Some(self.run(configuration, control, first, repeats, wall)))
+    }
+
+    fn run(
+        &self,
+        configuration: &Configuration,
+        control: StepControl,
+        trial: Trial,
+        repeats: u32,
+        wall: Duration,
+    ) -> Run {
+        let completed = trial.status == Status::Completed;
+        let quality = completed.then(|| Quality::of(self.system, &trial.state, &self.reference.state, self.start));
+        let work = trial.statistics.work;
+        let (dt, rtol) = match control {
+            StepControl::Step(dt) => (dt, None),
+            StepControl::Adaptive { rtol, .. } => (self.duration / trial.steps.max(1) as f64, Some(rtol)),
+        };
+        let iterates = configuration.method.is_implicit() && work.factorizations == 0;
+        Run {
+            method: configuration.method.name(),
+            stiffness: configuration.stiffness(),
+            solver: trial.solver,
+            tolerance: iterates.then_some(configuration.options.linear.tolerance.strictest()),
+            rtol,
+            dt,
+            status: trial.status,
+            failure: trial.failure.map(|failed| failed.failure.to_string()),
+            error: quality.map(|quality| quality.error),
+            quality,
+            wall_seconds: wall.as_secs_f64(),
+            repeats,
+            work,
+            cost: self.costs.cost(&work, trial.factor),
+        }
+    }
+}

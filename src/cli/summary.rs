@@ -1,0 +1,91 @@
+//! The summary of a run for people.
+
+use super::console::{count, number, time_span};
+use super::view::PAGE;
+use sprung::integrate::{Balance, percent};
+use sprung::output::{ErrorKind, Summary};
+use std::fmt::{self, Display};
+use std::path::Path;
+
+/// The summary of a run for people: status, error, method and files, and with `{:#}` everything.
+pub struct SummaryText<'a> {
+    pub summary: &'a Summary,
+    pub folder: &'a Path,
+    pub files: &'a [&'static str],
+}
+
+impl Display for SummaryText<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { summary, folder, files } = self;
+        let Summary { scene, status, steps, time, wall_seconds, method, stiffness, .. } = summary;
+        let (status, steps, time) = (status.name(), count(*steps, "step"), number(*time));
+        writeln!(f, "{scene}: {status} at t = {time} s after {steps}, in {}", time_span(*wall_seconds))?;
+        if let Some(error) = &summary.error {
+            let kind = match error.kind {
+                ErrorKind::Confirmed => "confirmed",
+                ErrorKind::Indicator => "an estimate: right to about ten times",
+            };
+            writeln!(f, "  error     about {} of the extent ({kind})", percent(error.estimate))?;
+        }
+        match (summary.solver, summary.preconditioner) {
+            ("none", _) => writeln!(f, "  method    {method}")?,
+            (solver, "none") => writeln!(f, "  method    {method}, stiffness {stiffness}, solver {solver}")?,
+            (solver, preconditioner) => {
+                writeln!(f, "  method    {method}, stiffness {stiffness}, solver {solver} with {preconditioner}")?;
+            }
+        }
+        if f.alternate() {
+            self.details(f)?;
+        }
+        writeln!(f, "  files     {} in {}", files.join(", "), folder.display())?;
+        if files.contains(&PAGE) {
+            write!(f, "open {}", folder.join(PAGE).display())
+        } else {
+            write!(f, "  motion    not kept; with --view the run writes a page that plays it")
+        }
+    }
+}
+
+impl SummaryText<'_> {
+    /// The size of the system, the reasons for choices, the work and the energy balance.
+    fn details(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Summary { solver, energy, statistics, particles, springs, dofs, .. } = self.summary;
+        let work = &statistics.work;
+        let mut line = |name: &str, text: String| writeln!(f, "  {name:<9} {text}");
+        let (particles, springs) = (count(*particles as u64, "particle"), count(*springs as u64, "spring"));
+        line("system", format!("{particles}, {springs}, {dofs} degrees of freedom"))?;
+        let method_reason = self.summary.choice.as_ref().map(|choice| &choice.reason);
+        for reason in method_reason.into_iter().chain(&self.summary.solver_choice) {
+            line("chosen", reason.clone())?;
+        }
+        if *solver == "none" {
+            line("work", count(work.force_evaluations, "force evaluation"))?;
+        } else {
+            let counts = [
+                (work.solves, "solve"),
+                (work.factorizations, "factorization"),
+                (work.cg_iterations, "CG iteration"),
+                (work.newton_iterations, "Newton iteration"),
+            ];
+            line("work", counts.map(|(n, noun)| count(n, noun)).join(", "))?;
+            let (residual, tolerance) = (statistics.max_relative_residual, statistics.max_tolerance);
+            let tolerance =
+                if tolerance > 0.0 { format!("; asked for {tolerance:.1e} or less") } else { String::new() };
+            line("residual", format!("at most {residual:.1e} of the right-hand side{tolerance}"))?;
+        }
+        if statistics.rejected_steps > 0 {
+            line("rejected", format!("{} with too large an error", count(statistics.rejected_steps, "step")))?;
+        }
+        if statistics.softened_solves > 0 {
+            let each = statistics.dropped_terms as f64 / statistics.softened_solves as f64;
+            let solves = count(statistics.softened_solves, "solve");
+            line("dropped", format!("{each:.1} transverse terms on average in {solves} where A was indefinite"))?;
+        }
+        line("energy", format!("{} J at the start, {} J at the end", number(energy.initial), number(energy.last)))?;
+        let Balance { work, dissipated, imbalance } = energy.balance;
+        let [work, dissipated, imbalance] = [work, dissipated, imbalance].map(number);
+        let text =
+            format!("{work} J of work by moving constraints, {dissipated} J dissipated, {imbalance} J unexplained");
+        line("balance", text)
+    }
+}

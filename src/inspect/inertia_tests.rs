@@ -1,0 +1,200 @@
+//! Counts of small matrices that are known by hand, by every factorization.
+
+use super::inertia::{Inertia, InertiaCounter, InertiaMethod, definite_by_blocks, dense_signs, equilibrated};
+use crate::assembly::SymmetricMatrix;
+use crate::force::SpringGeometry;
+use crate::inspect::tests::chain;
+use crate::integrate::StepMatrices;
+use crate::linear::PivotSigns;
+use crate::linear::fixtures::{banded, noise};
+use crate::operator::{Combination, LinearOperator, SystemOperator};
+use crate::spring::Stiffness;
+use crate::work::Work;
+use faer::Par;
+
+fn counter(a: &SymmetricMatrix) -> InertiaCounter {
+    InertiaCounter::new(a.pattern(), Par::Seq).unwrap()
+}
+
+/// A symmetric matrix of order six from its lower triangle.
+fn six(entry: impl Fn(usize, usize) -> f64) -> SymmetricMatrix {
+    banded(2, 1, |row, column| entry(row.max(column), row.min(column)))
+}
+
+/// Pairs `[0 v; v 0]` have one eigenvalue of each sign, and so has `[1 5; 5 2]`, whose determinant is −23.
+#[test]
+fn dense_factorizations_count_pivots_of_order_two() {
+    let only_pairs = |row, column| if row == column + 1 && column % 2 == 0 { 1.0 + column as f64 } else { 0.0 };
+    let mixed = |row, column| match (row, column) {
+        (0, 0) => 7.0,
+        (1, 1) => 1.0,
+        (2, 1) => 5.0,
+        (2, 2) => 2.0,
+        (4, 3) => 3.0,
+        (5, 5) => 4.0,
+        _ => 0.0,
+    };
+    for (a, negative) in [(six(only_pairs), 3), (six(mixed), 2), (six(|r, c| (r == c) as u8 as f64), 0)] {
+        let (signs, error) = dense_signs(&a);
+        assert_eq!(signs, PivotSigns { negative, zero: 0, positive: 6 - negative });
+        assert!(error < 1e-14, "{error}");
+        let mut dense = counter(&a);
+        dense.method = InertiaMethod::Dense;
+        let mut work = Work::default();
+        let found = dense.count(&a, &mut work);
+        assert_eq!((found.negative, found.zero, found.positive), (negative, 0, 6 - negative));
+        assert_eq!((found.method, work.factorizations), (InertiaMethod::Dense, if negative == 0 { 1 } else { 2 }));
+        assert_eq!(found.band, 1.5 * 32.0 * 6f64.sqrt() * f64::EPSILON / 2.0);
+    }
+}
+
+/// `[1 1; 1 1 − 2δ]` has an eigenvalue of −δ, and a norm of 2: with three rows the band is `±64 √3 u`, about 1.2e-14.
+#[test]
+fn what_lies_in_the_band_is_neither_negative_nor_positive() {
+    for (delta, negative) in [(-3e-14, 0), (7e-15, 0), (3e-14, 1)] {
+        let a = banded(1, 0, |row, column| match (row, column) {
+            (0, 0) | (0, 1) | (1, 0) | (2, 2) => 1.0,
+            (1, 1) => 1.0 - 2.0 * delta,
+            _ => 0.0,
+        });
+        let mut work = Work::default();
+        let found = counter(&a).count(&a, &mut work);
+        let zero = usize::from(delta.abs() < 1e-14);
+        assert_eq!((found.negative, found.zero, found.positive), (negative, zero, 3 - negative - zero), "{delta}");
+        assert_eq!((found.method, found.is_definite()), (InertiaMethod::Sparse, delta < 0.0));
+        assert_eq!(work.factorizations, if delta < 0.0 { 1 } else { 2 });
+    }
+}
+
+/// The error is the larger of both factorizations'.
+#[test]
+fn the_error_is_that_of_the_worse_factorization() {
+    for particles in 2..12 {
+        let entry = |row: usize, column: usize| {
+            noise(row, column) + if row == column { 4.0 * (-1f64).powi(row as i32) } else { 0.0 }
+        };
+        let a = banded(particles, 2, entry);
+        let n = a.order();
+        let found = counter(&a).count(&a, &mut Work::default());
+        let shift = found.band / 1.5;
+        let c = equilibrated(&a);
+        let scale = c.norm_inf(&mut vec![0.0; n]);
+        let error = |shift: f64| {
+            counter(&a).factor(&c, shift * scale, scale, shift.abs(), found.method, &mut Work::default()).error
+        };
+        assert_eq!(found.factorization_error, error(shift).max(error(-shift)));
+    }
+}
+
+/// Without rows all is certain, without finite entries nothing is; neither is factored.
+#[test]
+fn nothing_is_factored_where_nothing_can_be_counted() {
+    let mut work = Work::default();
+    let none = banded(0, 0, |_, _| 0.0);
+    let empty = Inertia { factorization_error: 0.0, method: InertiaMethod::Sparse, ..Inertia::undecided(0, 0.0) };
+    assert_eq!(counter(&none).count(&none, &mut work), empty);
+    let infinite = banded(1, 0, |row, column| if row == column { -f64::INFINITY } else { 0.0 });
+    assert_eq!(counter(&infinite).count(&infinite, &mut work), Inertia::undecided(3, f64::INFINITY));
+    assert_eq!(work, Work::default());
+}
+
+/// Stretched springs prove it, compressed ones and none at all do not.
+#[test]
+fn blocks_prove_definiteness_where_there_are_rows() {
+    for (free, rest_length, expected) in [(2, 0.5, Some(4)), (2, 1.25, None), (0, 0.5, None)] {
+        let (system, state) = chain(free, rest_length);
+        let a = StepMatrices::assemble(&system, &state, Stiffness::Full, 0.1).unwrap().a;
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
+        let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
+        let found = definite_by_blocks(&operator, &a, 100.0);
+        assert_eq!(found.map(|inertia| inertia.positive), expected);
+        assert!(found.is_none_or(|inertia| inertia.method == InertiaMethod::Springs && inertia.is_definite()));
+    }
+}
+
+/// Pairs `[δ 1; 1 0]`, whose first pivot costs digits as long as nothing is pivoted, with one row of its own in each.
+fn small_pivots(particles: usize, delta: impl Fn(usize) -> f64) -> SymmetricMatrix {
+    banded(particles, 1, |row, column| match (row % 3, column % 3) {
+        _ if row / 3 != column / 3 => 0.01 * noise(row, column),
+        (0, 0) => delta(row / 3),
+        (0, 1) | (1, 0) => 1.0,
+        (2, 2) => 1.0,
+        _ => 0.0,
+    })
+}
+
+/// Counts have errors of less than half of the shift; where a factorization is not as good the band is widened.
+#[test]
+fn bands_are_as_wide_as_errors_demand() {
+    let mut widened = 0;
+    for k in 0..400 {
+        let a = small_pivots(4 + k % 5, |p| 10f64.powf(-0.25 - 0.005 * k as f64) * (1.0 + 0.1 * p as f64));
+        let found = counter(&a).count(&a, &mut Work::default());
+        assert!(found.factorization_error <= found.band / 3.0, "{k}: {found:?}");
+        let first = 1.5 * 32.0 * (a.order() as f64).sqrt() * f64::EPSILON / 2.0;
+        widened += usize::from(found.band > first);
+    }
+    assert!(widened > 10, "{widened}");
+}
+
+/// A better method is tried where the error is more than half of the band.
+#[test]
+fn a_better_method_is_tried_where_the_error_is_too_large() {
+    let a = small_pivots(6, |_| 1e-9);
+    let n = a.order();
+    let scale = a.norm_inf(&mut vec![0.0; n]);
+    let method = |tolerance: f64| {
+        let mut work = Work::default();
+        let found = counter(&a).factor(&a, 0.0, scale, tolerance, InertiaMethod::Sparse, &mut work);
+        (found.method, found.error)
+    };
+    let (sparse, error) = method(1.0);
+    assert!(sparse == InertiaMethod::Sparse && error > 1e-11, "{error}");
+    assert_eq!(method(2.5 * error).0, InertiaMethod::Sparse);
+    for part in [1.9, 1.1, 0.6] {
+        assert_eq!(method(part * error).0, InertiaMethod::Pivoted, "{part}");
+    }
+}
+
+/// `[1 + τ, 1; 1, 1 + τ]` less τ has a pivot of exactly zero: it is none that proves definiteness, so the other side is factored too.
+#[test]
+fn a_pivot_of_zero_is_not_positive() {
+    // √36 = 6; the rows of C add up to 2.
+    let tau = 2.0 * 32.0 * 6.0 * f64::EPSILON / 2.0;
+    let entry = |row: usize, column: usize| match (row, column) {
+        (0, 0) | (1, 1) => 1.0 + tau,
+        (0, 1) | (1, 0) => 1.0,
+        (2, 2) => -1.0,
+        _ if row == column => 1.0,
+        _ => 0.0,
+    };
+    let a = banded(12, 0, entry);
+    let mut dense = counter(&a);
+    dense.method = InertiaMethod::Dense;
+    let mut work = Work::default();
+    let found = dense.count(&a, &mut work);
+    assert_eq!((found.negative, found.zero, found.positive, work.factorizations), (1, 1, 34, 2));
+}
+
+/// Without a factorization to trust the band is doubled four times, and then nothing is decided.
+#[test]
+fn a_count_ends_undecided() {
+    let a = six(|row, column| (row == column) as u8 as f64);
+    let mut hopeless = counter(&a);
+    hopeless.method = InertiaMethod::None;
+    let first = 32.0 * 6f64.sqrt() * f64::EPSILON / 2.0;
+    let mut work = Work::default();
+    assert_eq!(hopeless.count(&a, &mut work), Inertia::undecided(6, 1.5 * 32.0 * first));
+    assert_eq!(work, Work::default());
+}
+
+/// 2 kg at a step that gives the masses exactly a billionth of ‖A‖.
+#[test]
+fn what_the_masses_give_must_be_visible() {
+    let (system, state) = chain(1, 0.5);
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
+    let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
+    let one = banded(1, 0, |row, column| (row == column) as u8 as f64);
+    assert_eq!(definite_by_blocks(&operator, &one, 5e-10), None);
+    assert!(definite_by_blocks(&operator, &one, 5.1e-10).is_some());
+}

@@ -1,0 +1,174 @@
+//! The transverse terms in the matrix of a solve: the caller's policy, and the state of a matrix under it.
+//!
+//! ```text
+//! an option          that option, definite or not
+//! on demand          all ─► all but a few ─► none of compressed springs
+//! whole              all, and an indefinite matrix is refused
+//! ```
+//!
+//! An arrow stands for a matrix that was found indefinite.
+
+use super::Statistics;
+use crate::linear::{Definiteness, DefinitenessGuarantee, Evidence, SolveFailure};
+use crate::spring::Stiffness;
+
+/// The stiffness that enters the matrix of each solve.
+///
+/// # Examples
+/// ```
+/// use sprung::Stiffness;
+/// use sprung::integrate::StiffnessPolicy;
+///
+/// let policy = StiffnessPolicy::from(Stiffness::Axial);
+/// assert_eq!((policy.name(), StiffnessPolicy::OnDemand.name()), ("axial", "on-demand"));
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum StiffnessPolicy {
+    /// The same option in every solve.
+    Always(Stiffness),
+    /// `Full` while A is positive definite, as a factorization proves or negative curvature in conjugate gradients refutes. In solves where it is
+    /// not, a [`Regularization`](super::Regularization) drops few transverse terms. [`Bdf2`](super::Bdf2), whose result does not depend on
+    /// the matrix, takes the transverse terms of tensions that last.
+    OnDemand,
+}
+
+impl StiffnessPolicy {
+    /// Every policy.
+    pub const ALL: [Self; 4] = [
+        Self::OnDemand,
+        Self::Always(Stiffness::Full),
+        Self::Always(Stiffness::Tension),
+        Self::Always(Stiffness::Axial),
+    ];
+
+    /// The name used on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Always(option) => option.name(),
+            Self::OnDemand => "on-demand",
+        }
+    }
+
+    pub(super) fn guarantee(self) -> DefinitenessGuarantee {
+        match self {
+            Self::Always(Stiffness::Full) => DefinitenessGuarantee::Unknown,
+            Self::Always(Stiffness::Tension | Stiffness::Axial) => DefinitenessGuarantee::Definite,
+            Self::OnDemand => DefinitenessGuarantee::RegularizedDefinite,
+        }
+    }
+}
+
+impl From<Stiffness> for StiffnessPolicy {
+    fn from(option: Stiffness) -> Self {
+        Self::Always(option)
+    }
+}
+
+/// The transverse terms of a matrix.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Terms {
+    /// The terms of an option.
+    Of(Stiffness),
+    /// All but those that a [`Regularization`](super::Regularization) drops.
+    Regularized,
+    /// All, in a matrix that is refused where it is indefinite.
+    Whole,
+}
+
+/// The terms of the current matrix, and its definiteness.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct StiffnessState {
+    policy: StiffnessPolicy,
+    pub terms: Terms,
+    /// Transverse terms that the on-demand policy has dropped.
+    pub dropped: usize,
+    definiteness: Definiteness,
+}
+
+impl StiffnessState {
+    /// The state in which a policy starts.
+    pub fn first(policy: StiffnessPolicy) -> Self {
+        let first = if let StiffnessPolicy::Always(option) = policy { option } else { Stiffness::Full };
+        Self { policy, terms: Terms::Of(first), dropped: 0, definiteness: Definiteness::Unknown }
+    }
+
+    /// All terms; indefinite matrices are refused.
+    pub fn whole() -> Self {
+        Self { terms: Terms::Whole, ..Self::first(StiffnessPolicy::OnDemand) }
+    }
+
+    /// The replacement for an indefinite matrix, where the policy has one: first without the few terms that suffice in exact
+    /// arithmetic, then without those of all compressed springs.
+    pub fn softer(&self) -> Option<Self> {
+        let terms = match (self.policy, self.terms) {
+            (StiffnessPolicy::OnDemand, Terms::Of(Stiffness::Full)) => Terms::Regularized,
+            (StiffnessPolicy::OnDemand, Terms::Regularized) => Terms::Of(Stiffness::Tension),
+            _ => return None,
+        };
+        Some(Self { terms, ..*self })
+    }
+
+    /// Records what preparing the matrix has proved.
+    ///
+    /// # Errors
+    /// An indefinite matrix, except under an option.
+    pub fn accept(&mut self, definiteness: Definiteness) -> Result<(), SolveFailure> {
+        self.definiteness = definiteness;
+        match definiteness {
+            Definiteness::Indefinite { dof, .. } if self.policy == StiffnessPolicy::OnDemand => {
+                Err(SolveFailure::Indefinite(Evidence::Pivot(dof)))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Counts a solve with this matrix.
+    pub fn count(&self, statistics: &mut Statistics) {
+        let is_whole = matches!(self.terms, Terms::Of(Stiffness::Full) | Terms::Whole);
+        if self.policy == StiffnessPolicy::OnDemand && !is_whole {
+            statistics.softened_solves += 1;
+            statistics.dropped_terms += self.dropped as u64;
+        }
+        if let Definiteness::Indefinite { .. } = self.definiteness {
+            statistics.indefinite_solves += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{StiffnessPolicy, StiffnessState, Terms};
+    use crate::linear::Definiteness;
+    use crate::spring::Stiffness;
+    use crate::system::Dof;
+
+    #[test]
+    fn policies_have_their_names() {
+        assert_eq!(StiffnessPolicy::ALL.map(StiffnessPolicy::name), ["on-demand", "full", "tension", "axial"]);
+    }
+
+    #[test]
+    fn on_demand_ends_without_terms_of_compressed_springs() {
+        let first = StiffnessState::first(StiffnessPolicy::OnDemand);
+        let regularized = first.softer().unwrap();
+        let tension = regularized.softer().unwrap();
+        let expected = [Terms::Of(Stiffness::Full), Terms::Regularized, Terms::Of(Stiffness::Tension)];
+        assert_eq!([first, regularized, tension].map(|state| state.terms), expected);
+        for last in [tension, StiffnessState::whole(), StiffnessState::first(Stiffness::Full.into())] {
+            assert!(last.softer().is_none(), "{last:?}");
+        }
+    }
+
+    #[test]
+    fn indefinite_matrices_are_refused_except_under_an_option() {
+        let found = Definiteness::Indefinite { negative: 1, dof: Dof { particle: 0, axis: 0 } };
+        for (mut state, is_accepted) in [
+            (StiffnessState::first(Stiffness::Full.into()), true),
+            (StiffnessState::first(StiffnessPolicy::OnDemand), false),
+            (StiffnessState::whole(), false),
+        ] {
+            assert_eq!(state.accept(found).is_ok(), is_accepted, "{state:?}");
+            assert!(state.accept(Definiteness::Positive).is_ok());
+        }
+    }
+}

@@ -1,0 +1,357 @@
+//! Files that appear whole or not at all, and the folder that a command writes into.
+
+use crate::error::{Error, Result};
+use serde::Serialize;
+use std::fs::{File, TryLockError};
+use std::io::{self, BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use tempfile::{NamedTempFile, TempPath};
+
+/// A file that gets its name only when it is complete.
+///
+/// It is written as a temporary file in the target's folder, so that taking the name is a rename within one file system. Until
+/// [`commit`](Self::commit) an older file of that name is untouched; dropped without it, nothing remains. Writing is buffered.
+#[derive(Debug)]
+pub struct AtomicFile {
+    target: PathBuf,
+    file: BufWriter<NamedTempFile>,
+}
+
+impl AtomicFile {
+    /// Starts a file, creating its folder where it does not exist.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the folder cannot be created or written, or when the target is a folder.
+    pub fn create(target: impl Into<PathBuf>) -> Result<Self> {
+        let target = target.into();
+        if target.is_dir() {
+            return Err(Error::io(target, ErrorKind::IsADirectory.into()));
+        }
+        let folder = folder_of(&target);
+        create_folder(folder)?;
+        let file = temporary().tempfile_in(folder).map_err(|source| Error::io(folder, source))?;
+        Ok(Self { target, file: BufWriter::with_capacity(1 << 16, file) })
+    }
+
+    /// As [`create`](Self::create), with a fixed name as long as the file is unfinished: it stays when the process ends early, and
+    /// [`resume`](Self::resume) can continue it.
+    pub fn create_resumable(target: impl Into<PathBuf>) -> Result<Self> {
+        // Checks the folder and the name.
+        let Self { target, .. } = Self::create(target)?;
+        let unfinished = unfinished(&target);
+        let file = File::create(&unfinished).map_err(|source| Error::io(&unfinished, source))?;
+        Self::unfinished_at(target, unfinished.clone(), file).map_err(|source| Error::io(unfinished, source))
+    }
+
+    /// Continues a file after its first `length` bytes, which `is_right` accepts: an unfinished one, or else the complete one.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when neither has these bytes.
+    pub fn resume(target: impl Into<PathBuf>, length: u64, is_right: impl Fn(&[u8]) -> bool) -> Result<Self> {
+        let target = target.into();
+        let unfinished = unfinished(&target);
+        let right = |path: &Path| read_first(path, length).ok().filter(|bytes| is_right(bytes));
+        let file = if right(&unfinished).is_some() {
+            truncated(&unfinished, length)
+        } else if let Some(bytes) = right(&target) {
+            File::create(&unfinished).and_then(|mut file| file.write_all(&bytes).map(|()| file))
+        } else {
+            return Err(Error::io(target, io::Error::new(ErrorKind::NotFound, MISSING)));
+        };
+        file.and_then(|file| Self::unfinished_at(target, unfinished.clone(), file))
+            .map_err(|source| Error::io(unfinished, source))
+    }
+
+    fn unfinished_at(target: PathBuf, unfinished: PathBuf, file: File) -> io::Result<Self> {
+        let mut path = TempPath::try_from_path(unfinished)?;
+        path.disable_cleanup(true);
+        Ok(Self { target, file: BufWriter::with_capacity(1 << 16, NamedTempFile::from_parts(file, path)) })
+    }
+
+    /// Writes a whole file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] as [`create`](Self::create), or with the error of `content`; the target is then unchanged.
+    pub fn write(target: impl Into<PathBuf>, content: impl FnOnce(&mut Self) -> io::Result<()>) -> Result<()> {
+        let mut file = Self::create(target)?;
+        match content(&mut file) {
+            Ok(()) => file.commit(),
+            Err(source) => Err(Error::io(file.target, source)),
+        }
+    }
+
+    /// Writes a whole file of text.
+    pub fn write_text(target: impl Into<PathBuf>, text: &str) -> Result<()> {
+        Self::write(target, |file| file.write_all(text.as_bytes()))
+    }
+
+    /// Writes a whole file of JSON in one line.
+    pub fn write_json(target: impl Into<PathBuf>, value: &impl Serialize) -> Result<()> {
+        Self::write(target, |file| {
+            serde_json::to_writer(&mut *file, value).map_err(io::Error::from)?;
+            file.write_all(b"\n")
+        })
+    }
+
+    /// Writes a whole file of indented JSON.
+    pub fn write_indented_json(target: impl Into<PathBuf>, value: &impl Serialize) -> Result<()> {
+        Self::write(target, |file| {
+            serde_json::to_writer_pretty(&mut *file, value).map_err(io::Error::from)?;
+            file.write_all(b"\n")
+        })
+    }
+
+    /// The name of the file while it is unfinished.
+    pub(super) fn unfinished(&self) -> &Path {
+        self.file.get_ref().path()
+    }
+
+    /// The name that the file will have.
+    pub fn target(&self) -> &Path {
+        &self.target
+    }
+
+    /// Completes the file: it takes its name, replacing an older file atomically.
+    pub fn commit(self) -> Result<()> {
+        let Self { target, file } = self;
+        let outcome = file.into_inner().map_err(io::IntoInnerError::into_error);
+        let outcome = outcome.and_then(|file| file.persist(&target).map_err(|failed| failed.error));
+        outcome.map(drop).map_err(|source| Error::io(target, source))
+    }
+}
+
+impl Write for AtomicFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+/// The folder of a file: of a bare name, the current one.
+fn folder_of(target: &Path) -> &Path {
+    target.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
+}
+
+fn create_folder(folder: &Path) -> Result<()> {
+    if folder.metadata().is_ok_and(|found| !found.is_dir()) {
+        return Err(Error::io(folder, ErrorKind::NotADirectory.into()));
+    }
+    std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))
+}
+
+/// The name of an unfinished file that can be continued.
+fn unfinished(target: &Path) -> PathBuf {
+    let name = target.file_name().unwrap_or_default().to_string_lossy();
+    target.with_file_name(format!("{PREFIX}{name}{SUFFIX}"))
+}
+
+/// The message for files that a checkpoint needs.
+pub(super) const MISSING: &str = "what the checkpoint goes on from is not there any more";
+
+/// A file that is open for writing after its first `length` bytes.
+pub(super) fn truncated(path: &Path, length: u64) -> io::Result<File> {
+    let mut file = File::options().read(true).write(true).open(path)?;
+    if file.metadata()?.len() < length {
+        return Err(ErrorKind::UnexpectedEof.into());
+    }
+    file.set_len(length)?;
+    file.seek(SeekFrom::End(0))?;
+    Ok(file)
+}
+
+/// The first bytes of a file that has at least so many.
+fn read_first(path: &Path, length: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(length).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 == length { Ok(bytes) } else { Err(ErrorKind::UnexpectedEof.into()) }
+}
+
+/// The start and end of names of unfinished files.
+const PREFIX: &str = ".sprung-";
+const SUFFIX: &str = ".part";
+
+/// The start of names of unfinished files that cannot be continued; the rest is random.
+const TEMPORARY: &str = ".sprung-~";
+
+fn is_unfinished(name: &str) -> bool {
+    name.starts_with(PREFIX) && name.ends_with(SUFFIX)
+}
+
+fn is_temporary(name: &str) -> bool {
+    name.starts_with(TEMPORARY) && is_unfinished(name)
+}
+
+/// Temporary files are private by default; results get the permissions of any other new file.
+fn temporary() -> tempfile::Builder<'static, 'static> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(TEMPORARY).suffix(SUFFIX);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    builder
+}
+
+/// A locked output folder. The lock goes with the value, or with the process, however that ends.
+///
+/// The lock keeps the files of two commands apart. Locking removes unfinished files of an earlier command. Its finished files stay
+/// until others take their place: a run that fails early leaves the last results whole.
+#[derive(Debug)]
+pub struct OutputFolder {
+    path: PathBuf,
+    /// Open as long as the lock is held; `None` where the system has no locks on folders.
+    _lock: Option<File>,
+}
+
+impl OutputFolder {
+    /// Creates the folder where it does not exist, locks it, and removes unfinished files of a killed process; `goes_on` keeps those
+    /// that can be continued.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the folder cannot be created, or when another process is at work in it.
+    pub fn claim(path: &Path, goes_on: bool) -> Result<Self> {
+        create_folder(path)?;
+        let lock = match File::open(path).map(|folder| (folder.try_lock(), folder)) {
+            Ok((Ok(()), folder)) => Some(folder),
+            Ok((Err(TryLockError::WouldBlock), _)) => {
+                let busy = io::Error::new(ErrorKind::WouldBlock, "another run is at work in this folder");
+                return Err(Error::io(path, busy));
+            }
+            // Some systems cannot open or lock a folder; there the user keeps runs apart.
+            Ok((Err(TryLockError::Error(_)), _)) | Err(_) => None,
+        };
+        let folder = Self { path: path.to_path_buf(), _lock: lock };
+        folder.sweep(if goes_on { is_temporary } else { is_unfinished });
+        Ok(folder)
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Removes a file of an earlier command, if it exists.
+    pub fn remove(&self, name: impl AsRef<Path>) -> Result<()> {
+        let file = self.path.join(name);
+        or_absent(std::fs::remove_file(&file)).map_err(|source| Error::io(file, source))
+    }
+
+    /// Renames a file, if it exists, replacing one of that name.
+    pub fn rename(&self, from: &str, to: &str) -> Result<()> {
+        let file = self.path.join(from);
+        or_absent(std::fs::rename(&file, self.path.join(to))).map_err(|source| Error::io(file, source))
+    }
+
+    /// Removes the files of an inner folder whose names a test accepts, and the folder if it is then empty.
+    pub fn remove_inside(&self, folder: &str, is_ours: impl Fn(&str) -> bool) -> Result<()> {
+        let path = self.path.join(folder);
+        for name in names(&path).iter().filter(|name| is_ours(name)) {
+            self.remove(Path::new(folder).join(name))?;
+        }
+        // Fails, as it should, where something else is in it.
+        let _ = std::fs::remove_dir(path);
+        Ok(())
+    }
+
+    /// Removes all unfinished files, here and in the folders of results, once nothing will be continued.
+    pub fn tidy(&self) {
+        self.sweep(is_unfinished);
+    }
+
+    fn sweep(&self, is_unfinished: fn(&str) -> bool) {
+        if self._lock.is_none() {
+            return;
+        }
+        for folder in ["", "frames", "failure", "chart"].map(|name| self.path.join(name)) {
+            for name in names(&folder).iter().filter(|name| is_unfinished(name)) {
+                // A file that cannot be removed does no harm.
+                let _ = std::fs::remove_file(folder.join(name));
+            }
+        }
+    }
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.filter_map(|entry| entry.file_name().into_string().ok()).collect()
+}
+
+fn or_absent(outcome: io::Result<()>) -> io::Result<()> {
+    match outcome {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bare_name_is_in_the_current_folder() {
+        for (file, folder) in [("a.txt", "."), ("b/a.txt", "b"), ("/a.txt", "/"), ("/b/c/a.txt", "/b/c"), ("", ".")] {
+            assert_eq!(folder_of(Path::new(file)), Path::new(folder), "{file}");
+        }
+    }
+
+    /// One of two claims succeeds; unfinished files go, those of others stay.
+    #[test]
+    fn a_folder_has_one_owner_and_no_unfinished_files() {
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("a/b");
+        let exists = |name: &str| path.join(name).exists();
+        let put = |name: &str| {
+            let file = path.join(name);
+            std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+            std::fs::write(file, "").unwrap();
+        };
+        let ours = ["frames/frame_000001.vtp", "final.json"];
+        let others = [".sprung-x1.part", "frames/.sprung-x2.part", "notes.part", "frames/mine.txt"];
+        others.iter().chain(&ours).for_each(|name| put(name));
+        let folder = OutputFolder::claim(&path, false).unwrap();
+        assert_eq!(others.map(exists), [false, false, true, true]);
+        assert!(exists(ours[0]));
+        #[cfg(target_os = "linux")]
+        {
+            let error = OutputFolder::claim(&path, false).unwrap_err().to_string();
+            assert!(error.ends_with("a/b: another run is at work in this folder"), "{error}");
+        }
+        folder.remove("final.json").unwrap();
+        folder.remove("final.json").unwrap();
+        folder.remove_inside("frames", |name| name.ends_with(".vtp")).unwrap();
+        assert!(!ours.into_iter().any(exists) && exists("frames/mine.txt"));
+        folder.remove_inside("frames", |_| true).unwrap();
+        assert!(!exists("frames"));
+        drop(folder);
+        // A continued run needs the file with the name of its target, and no other.
+        put(".sprung-energy.csv.part");
+        put(".sprung-~x3.part");
+        let folder = OutputFolder::claim(&path, true).unwrap();
+        assert!(exists(".sprung-energy.csv.part") && !exists(".sprung-~x3.part"));
+        folder.tidy();
+        assert!(!exists(".sprung-energy.csv.part"));
+        put(".sprung-energy.csv.part");
+        drop(folder);
+        OutputFolder::claim(&path, false).unwrap();
+        assert!(!exists(".sprung-energy.csv.part"));
+    }
+
+    /// A file can neither be claimed nor hold other files; a folder cannot be removed as a file.
+    #[test]
+    fn files_are_no_folders() {
+        let parent = tempfile::tempdir().unwrap();
+        let file = parent.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        let claimed = OutputFolder::claim(&file, false).map(drop).unwrap_err();
+        let written = AtomicFile::create(file.join("inside")).map(drop).unwrap_err();
+        let expected = format!("{}: not a directory", file.display());
+        assert_eq!([claimed, written].map(|error| error.to_string()), [expected.clone(), expected]);
+        std::fs::create_dir(parent.path().join("final.json")).unwrap();
+        let folder = OutputFolder::claim(parent.path(), false).unwrap();
+        assert!(folder.remove("absent").is_ok() && folder.remove("final.json").is_err());
+    }
+}

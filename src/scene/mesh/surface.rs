@@ -1,0 +1,239 @@
+//! Formats of faces: Wavefront OBJ, PLY and STL.
+
+use super::cursor::{Cursor, Kind, Order, whole};
+use super::{Fault, Raw, place_key};
+use std::collections::HashMap;
+
+/// Reads Wavefront OBJ: `v`, `f` and `l`; everything else is skipped.
+pub fn read_obj(bytes: &[u8]) -> Result<Raw, Fault> {
+    // Comments and names may be in any encoding.
+    let text = String::from_utf8_lossy(bytes);
+    let mut raw = Raw::new("line", 1);
+    // A line is continued behind a backslash at its end.
+    let (mut statement, mut begun) = (String::new(), None);
+    for (number, line) in (1u32..).zip(text.lines()) {
+        let line = line.split('#').next().unwrap_or_default().trim_end();
+        let place = *begun.get_or_insert(number);
+        if let Some(part) = line.strip_suffix('\\') {
+            statement.push_str(part);
+            statement.push(' ');
+            continue;
+        }
+        statement.push_str(line);
+        add_statement(&mut raw, &statement, place)?;
+        statement.clear();
+        begun = None;
+    }
+    if raw.vertices.is_empty() {
+        return Err(Fault("is no mesh: neither OBJ (no line begins with v), PLY, STL, VTK nor Gmsh MSH".into()));
+    }
+    Ok(raw)
+}
+
+fn add_statement(raw: &mut Raw, line: &str, place: u32) -> Result<(), Fault> {
+    let fault = |message: String| Fault(format!("line {place}: {message}: {:?}", line.trim()));
+    let mut words = line.split_whitespace();
+    match words.next() {
+        Some("v") => {
+            let mut x = [0.0; 3];
+            for x in &mut x {
+                let word = words.next().ok_or_else(|| fault("a vertex has three coordinates".into()))?;
+                *x = word.parse().map_err(|_| fault(format!("{word:?} is no number")))?;
+            }
+            raw.add_vertex(x);
+        }
+        Some(kind @ ("f" | "l")) => {
+            let count = raw.vertices.len();
+            let corners = words.map(|word| vertex(word, count).map_err(fault)).collect::<Result<Vec<_>, _>>()?;
+            if kind == "f" { raw.add_face(&corners, place) } else { raw.add_line(&corners, place) }
+        }
+        _ => {}
+    }
+    Ok(())
+}
+
+/// The vertex that `7`, `7/1/2` or, counted back from the last of `count`, `-2` names.
+fn vertex(word: &str, count: usize) -> Result<u32, String> {
+    let number = word.split('/').next().unwrap_or_default();
+    let number: i64 = number.parse().map_err(|_| format!("{word:?} names no vertex"))?;
+    let index = if number < 0 { count as i64 + number } else { number - 1 };
+    match u32::try_from(index) {
+        Ok(index) if number != 0 => Ok(index),
+        _ => Err(format!("{word:?} names a vertex that there is not")),
+    }
+}
+
+struct Element {
+    name: String,
+    count: u64,
+    properties: Vec<Property>,
+}
+
+struct Property {
+    name: String,
+    kind: Kind,
+    /// The type of a list's length.
+    length: Option<Kind>,
+}
+
+/// Reads PLY: `vertex`, `face`, `tristrips` and `edge`, as text and binary.
+pub fn read_ply(bytes: &[u8]) -> Result<Raw, Fault> {
+    let mut cursor = Cursor::new(bytes);
+    let (order, elements) = ply_header(&mut cursor)?;
+    let mut raw = Raw::new("element", 0);
+    for element in &elements {
+        let Element { name, count, properties } = element;
+        let index = |names: &[&str]| properties.iter().position(|p| names.contains(&p.name.as_str()));
+        let required = |property: &str| index(&[property]).ok_or_else(|| Fault(format!("{name} has no {property}")));
+        // The columns of coordinates or of the ends of an edge.
+        let columns = match name.as_str() {
+            "vertex" => vec![required("x")?, required("y")?, index(&["z"]).unwrap_or(usize::MAX)],
+            "edge" => vec![required("vertex1")?, required("vertex2")?],
+            _ => Vec::new(),
+        };
+        let corners = index(&["vertex_indices", "vertex_index"]);
+        let (mut row, mut list) = (vec![0.0; properties.len()], Vec::new());
+        // An element without properties has no data, whatever its count.
+        for number in 0..if properties.is_empty() { 0 } else { *count } {
+            list.clear();
+            for (at, Property { kind, length, .. }) in properties.iter().enumerate() {
+                let Some(length) = length else {
+                    row[at] = cursor.next(*kind, order)?;
+                    continue;
+                };
+                let length = cursor.next(*length, order)?;
+                let wrong = || Fault(format!("{name} {number}: {length} is no number of entries of a list"));
+                for _ in 0..whole(length).ok_or_else(wrong)? {
+                    let entry = cursor.next(*kind, order)?;
+                    if corners == Some(at) {
+                        list.push(entry);
+                    }
+                }
+            }
+            let place = number.min(u64::from(u32::MAX)) as u32;
+            let values: Vec<f64> = columns.iter().map(|&column| row.get(column).copied().unwrap_or(0.0)).collect();
+            let vertices = |numbers: &[f64]| -> Result<Vec<u32>, Fault> {
+                let vertices: Option<_> = numbers.iter().map(|&n| whole(n)).collect();
+                vertices.ok_or_else(|| Fault(format!("{name} {number}: names a vertex that there is not")))
+            };
+            match name.as_str() {
+                "vertex" => raw.add_vertices(&values),
+                "face" => raw.add_face(&vertices(&list)?, place),
+                "tristrips" => {
+                    for strip in list.split(|&corner| corner == -1.0) {
+                        raw.add_strip(&vertices(strip)?, place);
+                    }
+                }
+                "edge" => raw.add_line(&vertices(&values)?, place),
+                _ => {}
+            }
+        }
+    }
+    Ok(raw)
+}
+
+/// The byte order of a binary file, and its elements.
+fn ply_header(cursor: &mut Cursor) -> Result<(Option<Order>, Vec<Element>), Fault> {
+    let mut order = None;
+    let mut elements: Vec<Element> = Vec::new();
+    loop {
+        if cursor.rest().is_empty() {
+            return Err(cursor.fault("the header does not end"));
+        }
+        let line = cursor.line();
+        let text = cursor.rest_of_line();
+        let wrong = || Fault(format!("line {line}: {text:?} is no line of a PLY header"));
+        let kind = |word: &str| Kind::named(word).ok_or_else(wrong);
+        let words: Vec<&str> = text.split_whitespace().collect();
+        let (entry, length, name) = match words[..] {
+            ["ply"] | ["comment" | "obj_info", ..] | [] => continue,
+            ["format", format, _] => {
+                order = match format {
+                    "ascii" => None,
+                    "binary_little_endian" => Some(Order::Little),
+                    "binary_big_endian" => Some(Order::Big),
+                    _ => return Err(wrong()),
+                };
+                continue;
+            }
+            ["element", name, count] => {
+                let count = count.parse().map_err(|_| wrong())?;
+                elements.push(Element { name: name.into(), count, properties: Vec::new() });
+                continue;
+            }
+            ["property", "list", length, entry, name] => (kind(entry)?, Some(kind(length)?), name),
+            ["property", scalar, name] => (kind(scalar)?, None, name),
+            ["end_header"] => return Ok((order, elements)),
+            _ => return Err(wrong()),
+        };
+        let property = Property { name: name.into(), kind: entry, length };
+        elements.last_mut().ok_or_else(wrong)?.properties.push(property);
+    }
+}
+
+/// Bytes before the first facet of a binary STL file, and of a facet.
+const HEADER: usize = 84;
+const FACET: usize = 50;
+
+/// Whether the file is as long as a binary STL file with its number of facets.
+pub fn is_binary_stl(bytes: &[u8]) -> bool {
+    let facets = bytes.get(80..HEADER).map(|count| Kind::U32.number(count, Order::Little));
+    facets.is_some_and(|facets| facets > 0.0 && bytes.len() as f64 == HEADER as f64 + FACET as f64 * facets)
+}
+
+/// Corners of STL facets; those at one place are one vertex.
+struct Corners {
+    raw: Raw,
+    known: HashMap<[u64; 3], u32>,
+    face: Vec<u32>,
+}
+
+impl Corners {
+    fn new(unit: &'static str) -> Self {
+        Self { raw: Raw::new(unit, 0), known: HashMap::new(), face: Vec::new() }
+    }
+
+    fn add(&mut self, x: [f64; 3]) {
+        let Self { raw, known, face } = self;
+        face.push(*known.entry(place_key(x)).or_insert_with(|| {
+            raw.add_vertex(x);
+            raw.vertices.len() as u32 - 1
+        }));
+    }
+
+    fn end_face(&mut self, place: u32) {
+        self.raw.add_face(&self.face, place);
+        self.face.clear();
+    }
+}
+
+pub fn read_binary_stl(bytes: &[u8]) -> Result<Raw, Fault> {
+    let mut corners = Corners::new("facet");
+    for (facet, bytes) in (0..).zip(bytes.get(HEADER..).unwrap_or_default().chunks_exact(FACET)) {
+        let mut numbers = bytes.chunks_exact(4).skip(3).map(|number| Kind::F32.number(number, Order::Little));
+        for _ in 0..3 {
+            corners.add(std::array::from_fn(|_| numbers.next().unwrap_or(f64::NAN)));
+        }
+        corners.end_face(facet);
+    }
+    Ok(corners.raw)
+}
+
+pub fn read_text_stl(bytes: &[u8]) -> Result<Raw, Fault> {
+    let mut cursor = Cursor::new(bytes);
+    let mut corners = Corners::new("line");
+    while let Some(word) = cursor.word() {
+        match word.to_ascii_lowercase().as_str() {
+            // A name of any words, a normal or `loop` follows.
+            "solid" | "endsolid" | "facet" | "normal" | "outer" => _ = cursor.rest_of_line(),
+            "vertex" => corners.add([cursor.number()?, cursor.number()?, cursor.number()?]),
+            "endloop" => corners.end_face(cursor.line()),
+            "endfacet" => {}
+            _ => return Err(cursor.fault(format_args!("{word:?} is no word of STL"))),
+        }
+    }
+    if !corners.face.is_empty() {
+        return Err(cursor.fault("the last facet does not end"));
+    }
+    Ok(corners.raw)
+}

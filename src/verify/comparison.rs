@@ -1,0 +1,336 @@
+//! Compared entries of matrices and vectors, the worst ones in a table, with the difference in words.
+
+use super::force_error::ForceError;
+use crate::system::System;
+use nalgebra::{Matrix3, Vector3};
+use nalgebra_sparse::CscMatrix;
+use serde::Serialize;
+
+/// The largest of some errors, NaN if any of them is NaN and NaN if there are none.
+///
+/// `fold(0.0, f64::max)` swallows NaN, and a check over nothing would pass: both must fail.
+///
+/// # Examples
+/// ```
+/// use sprung::verify::worst;
+///
+/// assert_eq!(worst([1.0, 3.0, 2.0]), 3.0);
+/// assert!(worst([1.0, f64::NAN]).is_nan());
+/// ```
+pub fn worst(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().reduce(|a, b| if a.is_nan() || a > b { a } else { b }).unwrap_or(f64::NAN)
+}
+
+/// `error/unit`; zero where there is no error, whatever the unit.
+pub(super) fn ratio(error: f64, unit: f64) -> f64 {
+    if error == 0.0 { 0.0 } else { error / unit }
+}
+
+/// Number of entries in a table.
+const TABLE_ROWS: usize = 10;
+
+/// The verdict on an entry whose derivative is lost in rounding.
+pub(super) const CANNOT_BE_MEASURED: &str = "cannot be measured";
+
+/// One compared entry of a matrix or a vector.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Entry {
+    /// The row.
+    pub row: usize,
+    /// The column; `None` in a vector.
+    pub column: Option<usize>,
+    /// The spring that the entry belongs to, where there is one.
+    pub spring: Option<usize>,
+    /// The value under test, from a formula.
+    pub analytic: f64,
+    /// The independent measurement that it is compared with.
+    pub numeric: f64,
+    /// `|analytic − numeric|`.
+    pub absolute: f64,
+    /// `|analytic − numeric| / max(|analytic|, |numeric|)`, at most 2; 0 where both are zero.
+    pub relative: f64,
+    /// The difference in words: `missing`, `sign flipped`, `30 % too small`.
+    pub verdict: String,
+}
+
+impl Entry {
+    /// Compares two values; differences up to `tolerance`, in their unit, count as agreement.
+    pub fn new(row: usize, column: Option<usize>, analytic: f64, numeric: f64, tolerance: f64) -> Self {
+        let absolute = (analytic - numeric).abs();
+        let largest = worst([analytic.abs(), numeric.abs()]);
+        let relative = if largest == 0.0 { 0.0 } else { absolute / largest };
+        let verdict = verdict(analytic, numeric, tolerance);
+        Self { row, column, spring: None, analytic, numeric, absolute, relative, verdict }
+    }
+
+    /// Names the spring that the entry belongs to.
+    pub fn of_spring(self, spring: usize) -> Self {
+        Self { spring: Some(spring), ..self }
+    }
+
+    /// Replaces the verdict by one that knows more, such as `30 % of the transverse term missing`.
+    pub fn with_verdict(self, verdict: impl Into<String>) -> Self {
+        Self { verdict: verdict.into(), ..self }
+    }
+
+    /// Whether a number of the entry is NaN.
+    pub fn has_nan(&self) -> bool {
+        [self.analytic, self.numeric, self.absolute, self.relative].iter().any(|number| number.is_nan())
+    }
+}
+
+/// The fault of `analytic` if `numeric` is right.
+fn verdict(analytic: f64, numeric: f64, tolerance: f64) -> String {
+    if !analytic.is_finite() || !numeric.is_finite() {
+        "not finite".into()
+    } else if (analytic - numeric).abs() <= tolerance {
+        "agrees".into()
+    } else if analytic == 0.0 {
+        "missing".into()
+    } else if numeric.abs() <= tolerance {
+        "should be zero".into()
+    } else if (analytic + numeric).abs() <= tolerance {
+        "sign flipped".into()
+    } else if analytic.signum() != numeric.signum() {
+        "wrong sign and size".into()
+    } else {
+        let excess = 100.0 * (analytic / numeric - 1.0);
+        match excess.abs() {
+            size if size >= 100.0 => format!("{:.3} times too large", analytic / numeric),
+            size if size >= 0.1 => format!("{size:.1} % too {}", if excess > 0.0 { "large" } else { "small" }),
+            size => format!("relative difference {:.1e}", size / 100.0),
+        }
+    }
+}
+
+/// The entries with the largest error relative to the allowed one, worst first, and their statistics.
+#[derive(Debug, Clone)]
+pub(super) struct WorstEntries {
+    limit: usize,
+    ranked: Vec<(f64, Entry)>,
+    /// The largest error as a multiple of the allowed one: NaN if any is, and as long as nothing was compared.
+    pub worst: f64,
+    pub compared: usize,
+    pub wrong: usize,
+}
+
+impl WorstEntries {
+    pub fn new() -> Self {
+        Self::with_limit(TABLE_ROWS)
+    }
+
+    fn with_limit(limit: usize) -> Self {
+        Self { limit, ranked: Vec::new(), worst: f64::NAN, compared: 0, wrong: 0 }
+    }
+
+    /// Compares two values. An allowed error that is NaN or infinite says nothing of the entry: it fails.
+    pub fn compare(&mut self, row: usize, column: Option<usize>, analytic: f64, numeric: f64, allowed: f64) {
+        self.compare_spring(None, (row, column), analytic, numeric, allowed);
+    }
+
+    /// Compares the blocks of one spring over the first `dimension` axes.
+    pub fn compare_blocks(
+        &mut self,
+        spring: usize,
+        dimension: usize,
+        analytic: &Matrix3<f64>,
+        numeric: &Matrix3<f64>,
+        allowed: f64,
+    ) {
+        for c in 0..dimension {
+            for r in 0..dimension {
+                self.compare_spring(Some(spring), (r, Some(c)), analytic[(r, c)], numeric[(r, c)], allowed);
+            }
+        }
+    }
+
+    /// Compares a column of a matrix with `expected(row)`, a value and its allowed error; where springs couple no row to it, with zero.
+    pub fn compare_column(
+        &mut self,
+        matrix: &CscMatrix<f64>,
+        column: usize,
+        coupled: &[u32],
+        mut expected: impl FnMut(usize) -> (f64, f64),
+    ) {
+        for_each_entry(matrix, column, coupled, |row, value, coupled| {
+            let (numeric, allowed) = if coupled { expected(row) } else { (0.0, 0.0) };
+            self.compare(row, Some(column), value, numeric, allowed);
+        });
+    }
+
+    fn compare_spring(
+        &mut self,
+        spring: Option<usize>,
+        (row, column): (usize, Option<usize>),
+        analytic: f64,
+        numeric: f64,
+        allowed: f64,
+    ) {
+        let error = (analytic - numeric).abs();
+        let ratio = if allowed.is_finite() { ratio(error, allowed) } else { f64::NAN };
+        self.worst = if self.compared == 0 { ratio } else { worst([self.worst, ratio]) };
+        self.compared += 1;
+        self.wrong += if ratio <= 1.0 { 0 } else { 1 };
+        let rank = |ratio: f64| if ratio.is_nan() { f64::INFINITY } else { ratio };
+        let place = self.ranked.partition_point(|(other, _)| rank(*other) >= rank(ratio));
+        if place < self.limit {
+            let entry = Entry { spring, ..Entry::new(row, column, analytic, numeric, allowed) };
+            let unsure = !allowed.is_finite() && analytic.is_finite() && numeric.is_finite();
+            let entry = if unsure { entry.with_verdict(CANNOT_BE_MEASURED) } else { for_matrices(entry) };
+            self.ranked.insert(place, (ratio, entry));
+            self.ranked.truncate(self.limit);
+        }
+    }
+
+    /// The entries, worst first; `explain` refines the verdicts on wrong ones.
+    pub fn into_table(self, mut explain: impl FnMut(Entry) -> Entry) -> Vec<Entry> {
+        let explained = |(ratio, entry): (f64, Entry)| if ratio <= 1.0 { entry } else { explain(entry) };
+        self.ranked.into_iter().map(explained).collect()
+    }
+}
+
+/// Says "extra" and "off by the factor" where a vector's verdict would speak of sizes.
+fn for_matrices(entry: Entry) -> Entry {
+    let ratio = entry.analytic / entry.numeric;
+    match entry.verdict.as_str() {
+        "should be zero" => entry.with_verdict("extra"),
+        verdict if verdict.contains(" too ") && !(2.0 / 3.0..1.5).contains(&ratio) => {
+            entry.with_verdict(format!("off by the factor {ratio:.2}"))
+        }
+        _ => entry,
+    }
+}
+
+/// Names the spring of a wrong entry of K, and the term of its block that is wrong, if exactly one spring is behind the block.
+///
+/// `numeric(i, j)` is the block that ∂f_i/∂x_j should be, with the difference that counts as agreement.
+pub(super) fn explain_by_spring(
+    entry: Entry,
+    error: &ForceError,
+    matrix: &CscMatrix<f64>,
+    numeric: impl FnOnce(usize, usize) -> (Matrix3<f64>, f64),
+) -> Entry {
+    let Some(column) = entry.column else { return entry };
+    let system = error.system;
+    let dofs = system.dofs();
+    let (i, j) = (dofs.dof(entry.row).particle, dofs.dof(column).particle);
+    let mut links = error.links_between(i, j);
+    let (Some(link), None) = (links.next(), links.next()) else { return entry };
+    let entry = entry.of_spring(link.index);
+    let dimension = system.dimension();
+    if dofs.rows(i).len() != dimension || dofs.rows(j).len() != dimension {
+        return entry;
+    }
+    let analytic = particle_block(system, matrix, i, j);
+    let (numeric, tolerance) = numeric(i, j);
+    match block_verdict(&analytic, &numeric, &link.at.direction, link.spring.rest_length, dimension, tolerance) {
+        Some(words) => entry.with_verdict(words),
+        None => entry,
+    }
+}
+
+/// The entries of a reduced matrix at the rows of particle i and the columns of particle j, both free along all axes.
+pub(super) fn particle_block(system: &System, matrix: &CscMatrix<f64>, i: usize, j: usize) -> Matrix3<f64> {
+    let (rows, columns) = (system.dofs().rows(i).start, system.dofs().rows(j).start);
+    let modelled = |r, c| r < system.dimension() && c < system.dimension();
+    Matrix3::from_fn(|r, c| if modelled(r, c) { entry_of(matrix, rows + r, columns + c) } else { 0.0 })
+}
+
+/// The coefficients `(α, β)` of the block `α (I − nnᵀ) + β nnᵀ` over the first `dimension` axes, and the largest entry
+/// of the remainder.
+fn coefficients(block: &Matrix3<f64>, n: &Vector3<f64>, dimension: usize) -> (f64, f64, f64) {
+    let axial = n.dot(&(block * n));
+    let transverse = if dimension > 1 { (block.trace() - axial) / (dimension - 1) as f64 } else { 0.0 };
+    let identity = Matrix3::from_fn(|r, c| if r == c && r < dimension { 1.0 } else { 0.0 });
+    let form = identity * transverse + n * n.transpose() * (axial - transverse);
+    (transverse, axial, (block - form).amax())
+}
+
+/// The fault of one spring's block in words, where both blocks have the form of one; differences up to `tolerance`, in
+/// N/m, count as agreement.
+fn block_verdict(
+    analytic: &Matrix3<f64>,
+    numeric: &Matrix3<f64>,
+    n: &Vector3<f64>,
+    rest_length: f64,
+    dimension: usize,
+    tolerance: f64,
+) -> Option<String> {
+    let (transverse, axial, rest) = coefficients(analytic, n, dimension);
+    let (true_transverse, true_axial, true_rest) = coefficients(numeric, n, dimension);
+    if !(rest <= tolerance && true_rest <= tolerance) {
+        return None;
+    }
+    let agree = |a: f64, b: f64| (a - b).abs() <= tolerance;
+    let both = |factor: f64| agree(transverse, factor * true_transverse) && agree(axial, factor * true_axial);
+    if both(-1.0) {
+        return Some("sign flipped".into());
+    }
+    if both(0.0) {
+        return Some("missing".into());
+    }
+    let factor = axial / true_axial;
+    if !agree(axial, true_axial) && both(factor) {
+        return Some(if (factor / rest_length - 1.0).abs() < 1e-6 {
+            format!("off by the factor l0 = {rest_length:.4}: k in place of k/l0")
+        } else {
+            format!("off by the factor {factor:.2}")
+        });
+    }
+    let terms = [("transverse", transverse, true_transverse), ("axial", axial, true_axial)];
+    let wrong = terms.into_iter().filter(|&(_, term, truth)| !agree(term, truth));
+    let words: Vec<String> = wrong.map(|(name, term, truth)| term_verdict(name, term, truth, tolerance)).collect();
+    (!words.is_empty()).then(|| words.join(", "))
+}
+
+fn term_verdict(name: &str, term: f64, truth: f64, tolerance: f64) -> String {
+    if term.abs() <= tolerance {
+        return format!("the {name} term missing");
+    }
+    if truth.abs() <= tolerance {
+        return format!("a {name} term that should not be there");
+    }
+    match term / truth {
+        _ if (term + truth).abs() <= tolerance => format!("the {name} term with its sign flipped"),
+        ratio if ratio < 0.0 => format!("the {name} term of the wrong sign and {:.2} times its size", -ratio),
+        ratio if ratio < 1.0 => format!("{:.0} % of the {name} term missing", 100.0 * (1.0 - ratio)),
+        ratio => format!("the {name} term {ratio:.2} times too large"),
+    }
+}
+
+/// An entry of a sparse matrix, zero where it stores none.
+pub(super) fn entry_of(matrix: &CscMatrix<f64>, row: usize, column: usize) -> f64 {
+    matrix.get_entry(row, column).map_or(0.0, |entry| entry.into_value())
+}
+
+/// Visits the rows that springs couple to a column, stored or not, and those that only the matrix has:
+/// (row, stored value or zero, coupled).
+pub(super) fn for_each_entry(
+    matrix: &CscMatrix<f64>,
+    column: usize,
+    coupled: &[u32],
+    mut visit: impl FnMut(usize, f64, bool),
+) {
+    let stored = matrix.col(column);
+    let mut stored = stored.row_indices().iter().copied().zip(stored.values().iter().copied()).peekable();
+    for &row in coupled {
+        let row = row as usize;
+        while let Some((extra, value)) = stored.next_if(|&(other, _)| other < row) {
+            visit(extra, value, false);
+        }
+        let value = stored.next_if(|&(other, _)| other == row).map_or(0.0, |(_, value)| value);
+        visit(row, value, true);
+    }
+    for (extra, value) in stored {
+        visit(extra, value, false);
+    }
+}
+
+/// `Some(why)` if a matrix is not n × n.
+pub(super) fn wrong_size(name: &str, matrix: &CscMatrix<f64>, n: usize) -> Option<String> {
+    let size = (matrix.nrows(), matrix.ncols());
+    (size != (n, n)).then(|| format!("{name} is {} × {}, not {n} × {n}", size.0, size.1))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,163 @@
+//! Errors ranked and put into words: every number here follows by hand from the two values that are compared.
+
+use super::*;
+use nalgebra::DMatrix;
+
+#[test]
+fn entries_name_their_fault() {
+    let cases = [
+        (1.0, 1.0 + 1e-10, "agrees"),
+        (0.0, 5.0, "missing"),
+        (5.0, 0.0, "should be zero"),
+        (-5.0, 5.0, "sign flipped"),
+        (-4.0, 5.0, "wrong sign and size"),
+        (7.0, 10.0, "30.0 % too small"),
+        (20.0, 10.0, "2.000 times too large"),
+        (f64::NAN, 1.0, "not finite"),
+        (1.0 + 1e-6, 1.0, "relative difference 1.0e-6"),
+    ];
+    for (analytic, numeric, words) in cases {
+        assert_eq!(Entry::new(0, Some(0), analytic, numeric, 1e-9).verdict, words);
+    }
+}
+
+fn compared(limit: usize, pairs: &[(f64, f64, f64)]) -> WorstEntries {
+    let mut entries = WorstEntries::with_limit(limit);
+    pairs.iter().enumerate().for_each(|(row, &(a, b, allowed))| entries.compare(row, None, a, b, allowed));
+    entries
+}
+
+/// The errors are 0 of 0, 2 of 4, 4 of 2, 1 of ½, 5 of 2½ and 1 of 1 allowed. The worst come first, and of equals those that were first.
+#[test]
+fn the_worst_entries_come_first() {
+    let pairs = [(1.0, 1.0, 0.0), (3.0, 1.0, 4.0), (1.0, 5.0, 2.0), (5.0, 4.0, 0.5), (2.0, 7.0, 2.5), (8.0, 9.0, 1.0)];
+    let entries = compared(2, &pairs);
+    assert_eq!((entries.worst, entries.compared, entries.wrong), (2.0, 6, 3));
+    let rows = |limit| compared(limit, &pairs).into_table(|entry| entry).iter().map(|e| e.row).collect::<Vec<_>>();
+    assert_eq!([rows(2), rows(4), rows(9)], [vec![2, 3], vec![2, 3, 4, 5], vec![2, 3, 4, 5, 1, 0]]);
+    let none = compared(2, &[]);
+    assert!(none.worst.is_nan() && none.compared == 0 && none.into_table(|entry| entry).is_empty());
+    // An entry that comes late and is worse than all pushes the last one out.
+    let table = compared(2, &[(0.0, 1.0, 1.0), (0.0, 2.0, 1.0), (0.0, 3.0, 1.0)]).into_table(|entry| entry);
+    assert_eq!(table.iter().map(|entry| entry.row).collect::<Vec<_>>(), [2, 1]);
+    assert!(table.iter().all(|entry| entry.spring.is_none() && entry.verdict == "missing"));
+}
+
+#[test]
+fn an_entry_that_cannot_be_measured_is_worst_and_wrong() {
+    let inf = f64::INFINITY;
+    let entries = compared(9, &[(1.0, 1.5, 1.0), (2.0, 2.0, inf), (3.0, 9.0, 1.0), (f64::NAN, 1.0, 1.0)]);
+    assert!(entries.worst.is_nan());
+    assert_eq!((entries.compared, entries.wrong), (4, 3));
+    let words: Vec<_> = entries.into_table(|entry| entry).into_iter().map(|e| (e.row, e.verdict)).collect();
+    let expected = [(1, "cannot be measured"), (3, "not finite"), (2, "off by the factor 0.33"), (0, "agrees")];
+    assert_eq!(words, expected.map(|(row, words)| (row, words.to_owned())));
+    for (a, b) in [(f64::NAN, 1.0), (1.0, inf), (f64::NAN, inf)] {
+        assert_eq!(compared(1, &[(a, b, inf)]).into_table(|entry| entry)[0].verdict, "not finite");
+    }
+}
+
+/// Only wrong entries are explained; those of a spring's block are named with it, column by column.
+#[test]
+fn only_wrong_entries_are_explained() {
+    let mut entries = WorstEntries::with_limit(3);
+    let truth = Matrix3::from_fn(|r, c| if (r, c) == (1, 0) { 2.0 } else { 1.0 });
+    entries.compare_blocks(7, 2, &Matrix3::repeat(1.0), &truth, 0.5);
+    assert_eq!(entries.compared, 4);
+    let table = entries.into_table(|entry| entry.with_verdict("explained"));
+    let table: Vec<_> = table.iter().map(|e| (e.spring, e.row, e.column, e.verdict.as_str())).collect();
+    let agrees = |row, column| (Some(7), row, Some(column), "agrees");
+    assert_eq!(table, [(Some(7), 1, Some(0), "explained"), agrees(0, 0), agrees(0, 1)]);
+}
+
+/// A difference is given in percent from two thirds to one and a half, and as a factor beyond.
+#[test]
+fn differences_are_given_in_percent_or_as_a_factor() {
+    let words = |a, b| compared(1, &[(a, b, 1e-9)]).into_table(|entry| entry).remove(0).verdict;
+    assert_eq!([words(7.0, 10.0), words(14.0, 10.0)], ["30.0 % too small", "40.0 % too large"]);
+    let factors = [words(6.0, 10.0), words(15.0, 10.0), words(20.0, 10.0)];
+    assert_eq!(factors, ["0.60", "1.50", "2.00"].map(|factor| format!("off by the factor {factor}")));
+    assert_eq!([words(-10.0, 10.0), words(5.0, 0.0)], ["sign flipped", "extra"]);
+}
+
+/// `α (I − nnᵀ) + β nnᵀ` over the first axes.
+fn block(n: Vector3<f64>, dimension: usize, transverse: f64, axial: f64) -> Matrix3<f64> {
+    let along = n * n.transpose();
+    let mut identity = Matrix3::zeros();
+    (0..dimension).for_each(|axis| identity[(axis, axis)] = 1.0);
+    (identity - along) * transverse + along * axial
+}
+
+/// In the plane with n = (3, 4)/5: an entry of ½ beside the diagonal adds ½ · 12/25 = 0.24 to β and takes it from α, and the block of
+/// that form differs most in the same entry, by ½ − 0.48 · 0.48 = 0.2696.
+#[test]
+fn coefficients_and_remainder_of_a_block() {
+    let cases = [
+        (Vector3::x(), 1, (0.0, 5.0)),
+        (Vector3::new(0.6, 0.8, 0.0), 2, (2.0, 5.0)),
+        (Vector3::new(2.0, -1.0, 2.0) / 3.0, 3, (-1.5, 7.0)),
+    ];
+    let close = |found: (f64, f64, f64), a: f64, b: f64, rest: f64| {
+        let off = [found.0 - a, found.1 - b, found.2 - rest];
+        assert!(off.iter().all(|off| off.abs() < 1e-14), "{found:?}");
+    };
+    for (n, dimension, (transverse, axial)) in cases {
+        close(coefficients(&block(n, dimension, transverse, axial), &n, dimension), transverse, axial, 0.0);
+    }
+    let n = Vector3::new(0.6, 0.8, 0.0);
+    let mut odd = block(n, 2, 2.0, 5.0);
+    odd[(0, 1)] += 0.5;
+    close(coefficients(&odd, &n, 2), 1.76, 5.24, 0.2696);
+}
+
+/// A spring's block with coefficients α and β other than the true ones.
+#[test]
+fn wrong_blocks_are_described_by_their_terms() {
+    let n = Vector3::new(0.6, 0.8, 0.0);
+    let words = |(a, b): (f64, f64), (c, d): (f64, f64), rest_length: f64| {
+        block_verdict(&block(n, 2, a, b), &block(n, 2, c, d), &n, rest_length, 2, 1e-6).unwrap_or_default()
+    };
+    let cases = [
+        ((2.0, 5.0), ""),
+        ((-2.0, -5.0), "sign flipped"),
+        ((0.0, 0.0), "missing"),
+        ((4.0, 10.0), "off by the factor 2.00"),
+        ((1.0, 2.5), "off by the factor l0 = 0.5000: k in place of k/l0"),
+        ((0.0, 5.0), "the transverse term missing"),
+        ((-2.0, 5.0), "the transverse term with its sign flipped"),
+        ((-1.0, 5.0), "the transverse term of the wrong sign and 0.50 times its size"),
+        ((1.5, 5.0), "25 % of the transverse term missing"),
+        ((3.0, 5.0), "the transverse term 1.50 times too large"),
+        ((2.0, 7.0), "the axial term 1.40 times too large"),
+        ((2.0, -5.0), "the axial term with its sign flipped"),
+        ((1.0, 7.0), "50 % of the transverse term missing, the axial term 1.40 times too large"),
+    ];
+    for (analytic, expected) in cases {
+        assert_eq!(words(analytic, (2.0, 5.0), 0.5), expected);
+    }
+    assert_eq!(words((4.0, 10.0), (2.0, 5.0), 2.0), "off by the factor l0 = 2.0000: k in place of k/l0");
+    assert_eq!(words((2.0, 5.0), (0.0, 5.0), 0.5), "a transverse term that should not be there");
+    assert_eq!(words((-3.0, 5.0), (-2.0, 5.0), 0.5), "the transverse term 1.50 times too large");
+    // A term so small that its part of the truth rounds to zero is missing, not of the wrong sign.
+    assert_eq!(term_verdict("axial", 1e-200, 1e200, 0.0), "100 % of the axial term missing");
+}
+
+/// A block without a spring's form, measured or not, has no terms, whatever else is wrong with it.
+#[test]
+fn other_blocks_are_not_described_by_terms() {
+    let n = Vector3::new(0.6, 0.8, 0.0);
+    let right = block(n, 2, 2.0, 5.0);
+    let mut odd = right * 2.0;
+    odd[(0, 1)] += 0.5;
+    let words = |a: &Matrix3<f64>, b: &Matrix3<f64>| block_verdict(a, b, &n, 0.5, 2, 1e-6);
+    assert_eq!([words(&odd, &right), words(&right, &odd), words(&odd, &odd)], [None, None, None]);
+    assert!(words(&(right * 2.0), &right).is_some());
+}
+
+#[test]
+fn entries_that_are_not_stored_are_zero() {
+    let matrix = CscMatrix::from(&DMatrix::from_row_slice(2, 2, &[3.0, 0.0, -4.0, 5.0]));
+    assert_eq!([(0, 0), (0, 1), (1, 0), (1, 1)].map(|(r, c)| entry_of(&matrix, r, c)), [3.0, 0.0, -4.0, 5.0]);
+    assert_eq!(wrong_size("K", &matrix, 2), None);
+    assert_eq!(wrong_size("K", &matrix, 3).unwrap(), "K is 2 × 2, not 3 × 3");
+}

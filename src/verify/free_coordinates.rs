@@ -1,0 +1,66 @@
+//! Forces and energy as functions of the free coordinates, of which derivatives are taken.
+//!
+//! Where the ends of a spring coincide the force does not exist: all of its components are NaN, and no comparison passes.
+
+use crate::force::{Energy, SpringGeometry, add_damping_force, add_elastic_force};
+use crate::system::{State, System};
+use nalgebra::Vector3;
+use rand::rngs::Xoshiro256PlusPlus;
+use rand::{RngExt, SeedableRng};
+
+/// The free coordinates of full-length vectors.
+pub fn reduce(system: &System, full: &[Vector3<f64>]) -> Vec<f64> {
+    let mut reduced = vec![0.0; system.dofs().len()];
+    system.dofs().gather(full, &mut reduced);
+    reduced
+}
+
+/// f_el as a function of the free coordinates, in N; prescribed coordinates stay as in `state`.
+pub fn elastic_force<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64], &mut [f64]) + use<'s> {
+    let mut positions = state.positions.clone();
+    let mut force = vec![Vector3::zeros(); system.particles()];
+    move |x, f| {
+        system.dofs().scatter(x, &mut positions);
+        match SpringGeometry::at(system, &positions) {
+            Ok(geometry) => {
+                force.fill(Vector3::zeros());
+                add_elastic_force(system, &geometry, &mut force);
+            }
+            Err(_) => force.fill(Vector3::repeat(f64::NAN)),
+        }
+        system.dofs().gather(&force, f);
+    }
+}
+
+/// f_d at the positions of `state` as a function of the free velocities, in N.
+pub fn damping_force<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64], &mut [f64]) + use<'s> {
+    let geometry = SpringGeometry::at(system, &state.positions);
+    let mut velocities = state.velocities.clone();
+    let mut force = vec![Vector3::zeros(); system.particles()];
+    move |v, f| {
+        system.dofs().scatter(v, &mut velocities);
+        match &geometry {
+            Ok(geometry) => {
+                force.fill(Vector3::zeros());
+                add_damping_force(system, geometry, &velocities, &mut force);
+            }
+            Err(_) => force.fill(Vector3::repeat(f64::NAN)),
+        }
+        system.dofs().gather(&force, f);
+    }
+}
+
+/// The elastic energy as a function of the free coordinates, in J.
+pub fn elastic_energy<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64]) -> f64 + use<'s> {
+    let mut state = state.clone();
+    move |x| {
+        system.dofs().scatter(x, &mut state.positions);
+        Energy::of(system, &state).elastic
+    }
+}
+
+/// A vector of numbers between −1 and 1, the same for the same seed on every machine.
+pub(super) fn random_vector(length: usize, seed: u64) -> Vec<f64> {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    (0..length).map(|_| random.random_range(-1.0..1.0)).collect()
+}
