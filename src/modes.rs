@@ -16,13 +16,14 @@
 //! **Damping.** `φᵀ(−G)φ/(2ω)`, exact where modes diagonalise G.
 
 use crate::assembly::SymmetricMatrix;
-use crate::eigen::{Accuracy, Eigenpair, End, Pencil, ShiftInvert};
+use crate::eigen::{Accuracy, BlockLanczos, Eigenpair, End, Pencil, Search, ShiftInvert, Tolerance};
 use crate::error::{Error, Invalid, Result, check_length};
 use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
 use crate::integrate::Matrices;
 use crate::linear::{Ldlt, dot};
 use crate::memory;
-use crate::operator::LinearOperator;
+use crate::multigrid::Multigrid;
+use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::rigid::rigid_motions;
 use crate::spring::Stiffness;
 use crate::system::{DofMap, State, System};
@@ -33,6 +34,9 @@ use std::f64::consts::TAU;
 
 /// An eigenvalue counts as zero up to this part of ‖M⁻¹K‖: some units in the last place of the sums in K and in `φᵀKφ`.
 const ZERO: f64 = 32.0 * f64::EPSILON;
+
+/// Degrees of freedom up to which matrices are factored, where the factor fits the memory; beyond, modes are found by multigrid and not counted.
+const FACTORED: usize = 500_000;
 
 /// One normal mode.
 #[derive(Debug, Clone, PartialEq)]
@@ -88,7 +92,7 @@ pub struct Modes {
 /// The `count` lowest modes of a system linearised about a state, beside its zero modes: all of them where there are fewer.
 ///
 /// # Errors
-/// A state of another system; coincident ends of a spring; a matrix that is too large to factor; no mode asked for.
+/// A state of another system; coincident ends of a spring; too little memory; no mode asked for.
 ///
 /// # Examples
 /// ```
@@ -136,12 +140,20 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         return Ok(result);
     }
     let masses = &result.masses;
+    let factorization = if order > FACTORED { None } else { Ldlt::analyse(stiffness.pattern(), Par::rayon(0)).ok() };
+    let Some(mut factorization) = factorization else {
+        let wanted = (count + rigid_motions).min(order);
+        let pairs = uncounted(system, state, &stiffness, masses, &rigid, wanted, &mut work)?;
+        (result.complete, result.counted_below) = (false, f64::NAN);
+        result.sort(pairs, count, zero);
+        result.work = work;
+        return Ok(result);
+    };
     work.symbolic_factorizations += 1;
-    let mut factorization = Ldlt::analyse(stiffness.pattern(), Par::rayon(0))?;
     let pencil = Pencil { masses: Some(masses), ..Pencil::of(&stiffness) };
     let mut search = ShiftInvert::new(pencil, &mut factorization, &mut work);
     search.known = rigid;
-    let is_zero = |pair: &Eigenpair| pair.value.abs() <= zero.max(pair.residual.min(1e3 * zero));
+    let is_zero = |pair: &Eigenpair| is_zero(pair, zero);
     let mut wanted = (count + rigid_motions).min(order);
     let mut pairs = loop {
         // Twice the space of the search.
@@ -167,14 +179,77 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         let found = pairs.iter().filter(|pair| pair.value < result.counted_below).count();
         result.complete = search.below(result.counted_below) == Some(found);
     }
-    let mode = |pair: Eigenpair| Mode::new(pair, system.dofs(), masses, &result.damping);
-    let (zeros, others): (Vec<_>, Vec<_>) = pairs.into_iter().partition(is_zero);
-    let largest = |bound: f64, pair: &Eigenpair| bound.max(pair.value.abs());
-    let smallest = |bound: f64, pair: &Eigenpair| bound.min(pair.value.abs());
-    result.gap = [zeros.iter().fold(0.0, largest), others.iter().fold(f64::INFINITY, smallest)];
-    (result.zero_modes, result.modes) = (zeros.into_iter().map(mode).collect(), others.into_iter().map(mode).collect());
+    result.sort(pairs, count, zero);
     result.work = work;
     Ok(result)
+}
+
+/// Whether an eigenvalue is zero to rounding; one that is known less exactly, where zero is within its residual.
+fn is_zero(pair: &Eigenpair, zero: f64) -> bool {
+    pair.value.abs() <= zero.max(pair.residual.min(1e3 * zero))
+}
+
+/// The lowest pairs by products and multigrid, without a factorization and without a count: Davidson's method on `M⁻¹A`, preconditioned with multigrid for
+/// `A + sM`, s small against ‖M⁻¹A‖, under option *tension* where A is not positive definite.
+fn uncounted(
+    system: &System,
+    state: &State,
+    a: &SymmetricMatrix,
+    masses: &[f64],
+    rigid: &[Eigenpair],
+    wanted: usize,
+    work: &mut Work,
+) -> Result<Vec<Eigenpair>> {
+    /// Vectors that are improved together, and steps at most.
+    const BLOCK: usize = 4;
+    const STEPS: usize = 300;
+    /// s, as a part of ‖M⁻¹A‖.
+    const SHIFT: f64 = 1e-9;
+    let n = masses.len();
+    let search = Search::new(End::Lowest, wanted, BLOCK);
+    memory::ensure(16 * (search.capacity as u64 + 60) * n as u64, "the vectors of a search for modes")?;
+    let geometry = SpringGeometry::at(system, state)?;
+    let shift = SHIFT * weighted_norm(a, masses);
+    let positive = |option| {
+        SystemOperator::new(system, &geometry, option, Combination { mass: shift, damping: 0.0, stiffness: -1.0 })
+    };
+    let build = |option| -> Option<Multigrid> {
+        let operator = positive(option);
+        let mut multigrid = Multigrid::new(system).ok()?;
+        multigrid.set_positions(&state.positions);
+        multigrid.refill(&operator).ok()?;
+        multigrid.rebuild(&operator).ok()?;
+        Some(multigrid)
+    };
+    let mut multigrid = build(Stiffness::Full).or_else(|| build(Stiffness::Tension));
+    let products = SystemOperator::new(
+        system,
+        &geometry,
+        Stiffness::Full,
+        Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 },
+    );
+    let mut apply = |x: &[f64], y: &mut [f64]| {
+        for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
+            products.apply(x, y);
+            y.iter_mut().zip(masses).for_each(|(y, mass)| *y /= mass);
+        }
+    };
+    let mut weighted = vec![0.0; n];
+    let mut precondition = |r: &[f64], z: &mut [f64]| match &mut multigrid {
+        Some(multigrid) => {
+            work.multigrid_iterations += 1;
+            weighted.iter_mut().zip(r).zip(masses).for_each(|((w, r), mass)| *w = r * mass);
+            multigrid.apply(&weighted, z);
+        }
+        None => z.copy_from_slice(r),
+    };
+    let mut space = BlockLanczos::new(n, Some(masses), search, 5);
+    space.start(rigid.iter().map(|pair| &pair.vector[..]), &mut apply);
+    space.refresh(&mut apply);
+    let tolerance = Tolerance { of_value: 1e-7, of_norm: 1e-14 };
+    let found = space.iterate(tolerance, STEPS, &mut apply, Some(&mut precondition));
+    let pairs = found.into_iter().take(wanted);
+    Ok(pairs.map(|pair| Eigenpair { value: pair.value, vector: pair.vector, residual: pair.residual }).collect())
 }
 
 /// `maxᵢ Σⱼ |aᵢⱼ|/mᵢ`, no smaller than any eigenvalue.
@@ -263,6 +338,17 @@ pub struct StateSpace {
 }
 
 impl Modes {
+    /// Takes over pairs, ascending: zero modes, and `count` others.
+    fn sort(&mut self, pairs: Vec<Eigenpair>, count: usize, zero: f64) {
+        let (zeros, others): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|pair| is_zero(pair, zero));
+        let largest = |bound: f64, pair: &Eigenpair| bound.max(pair.value.abs());
+        let smallest = |bound: f64, pair: &Eigenpair| bound.min(pair.value.abs());
+        self.gap = [zeros.iter().fold(0.0, largest), others.iter().fold(f64::INFINITY, smallest)];
+        let mode = |pair: Eigenpair| Mode::new(pair, &self.dofs, &self.masses, &self.damping);
+        self.zero_modes = zeros.into_iter().map(mode).collect();
+        self.modes = others.into_iter().take(count).map(mode).collect();
+    }
+
     /// The displacement of every particle in a mode, in kg^{-1/2}.
     pub fn shape(&self, mode: &Mode) -> Vec<Vector3<f64>> {
         let mut shape = vec![Vector3::zeros(); self.dofs.particles()];

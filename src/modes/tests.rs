@@ -177,3 +177,47 @@ fn growth_and_imbalance_are_told() {
     assert!((modes(&loaded, &state, 1).unwrap().imbalance - 0.5).abs() < 1e-15);
     assert!(modes(&loaded, &state, 0).is_err());
 }
+
+/// Multigrid finds what factorizations find, on a held net under tension and on a free one.
+#[test]
+fn modes_without_a_factorization_are_the_same() {
+    for is_held in [true, false] {
+        let size = 12;
+        let mut builder = SystemBuilder::new();
+        for i in 0..size {
+            for j in 0..size {
+                builder.particle([1.1 * i as f64, 1.1 * j as f64, 0.0], 0.5 + 0.01 * (i * j) as f64);
+            }
+        }
+        for i in 0..size {
+            for j in 0..size {
+                for (a, b) in [(1, 0), (0, 1), (1, 1)] {
+                    if i + a < size && j + b < size {
+                        let length = f64::hypot(a as f64, b as f64) * if is_held { 1.0 } else { 1.1 };
+                        builder.spring(i * size + j, (i + a) * size + j + b, spring(100.0, length));
+                    }
+                }
+            }
+        }
+        let edge = (0..size * size).filter(|p| is_held && (p % size == 0 || p % size == size - 1));
+        builder.constrain(crate::system::Constraint::hold(edge));
+        let (system, state) = SystemBuilder { dimension: 2 + usize::from(is_held), ..builder }.build().unwrap();
+        let found = modes(&system, &state, 6).unwrap();
+        let mut matrices = Matrices::new(&system).unwrap();
+        matrices.update(&state, Stiffness::Full).unwrap();
+        let a = matrices.k().scaled(-1.0);
+        let zero = ZERO * weighted_norm(&a, matrices.masses());
+        let rigid = unresisted(&a, matrices.masses(), rigid_motions(&system, &state.positions), zero);
+        let wanted = 6 + rigid.len();
+        let pairs = uncounted(&system, &state, &a, matrices.masses(), &rigid, wanted, &mut Work::default()).unwrap();
+        assert_eq!((rigid.len(), pairs.len()), (found.zero_modes.len(), wanted));
+        for (pair, mode) in pairs[rigid.len()..].iter().zip(&found.modes) {
+            assert!(
+                (pair.value - mode.eigenvalue).abs() < 1e-8 * mode.eigenvalue,
+                "{} {}",
+                pair.value,
+                mode.eigenvalue
+            );
+        }
+    }
+}
