@@ -21,9 +21,6 @@ pub struct Curve<'a> {
     pub runs: Vec<&'a Run>,
 }
 
-/// The suffix of the name of a method whose steps adapt.
-pub(super) const ADAPTIVE: &str = ", adaptive";
-
 /// The sweep's runs by configuration, in the sweep's order.
 pub fn curves(runs: &[Run]) -> Vec<Curve<'_>> {
     let mut curves: Vec<Curve<'_>> = Vec::new();

@@ -3,6 +3,7 @@
 //! Only runs of a [tail] are recommended, so that no advice is contradicted by a finer run of the same table.
 
 use super::curve::{best_of_each, curves, tail};
+use super::run::short;
 use super::{Run, WorkPrecision};
 use crate::integrate::percent;
 
@@ -173,15 +174,4 @@ pub(super) fn name(method: &str, stiffness: &str, solver: &str) -> String {
         (stiffness, "llt") => format!("{method} ({stiffness})"),
         (stiffness, solver) => format!("{method} ({stiffness}, {solver})"),
     }
-}
-
-/// A number in three digits.
-pub(super) fn short(value: f64) -> String {
-    let size = value.abs();
-    if size != 0.0 && !(1e-3..1e7).contains(&size) {
-        return format!("{value:.1e}");
-    }
-    let digits = (2.0 - size.max(1e-300).log10().floor()).clamp(0.0, 12.0) as usize;
-    let text = format!("{value:.digits$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }

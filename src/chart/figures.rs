@@ -1,7 +1,9 @@
 //! The pictures of a chart: speed against accuracy in time and in counted work, conservation, tolerances.
 
-use super::curve::{ADAPTIVE, Curve, best_of_each, curves};
-use super::decision::{name, short};
+use super::curve::{Curve, best_of_each, curves};
+use super::decision::name;
+use super::run::ADAPTIVE;
+use super::run::short;
 use super::{Run, WorkPrecision};
 use crate::figure::{Guide, Look, Plot, Series};
 use crate::integrate::Method;

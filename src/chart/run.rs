@@ -1,7 +1,5 @@
 //! One run: what it costs, and its errors at the end against the reference.
 
-use super::curve::ADAPTIVE;
-use super::decision::short;
 use super::{Deadline, Reference};
 use crate::accuracy::{Configuration, StepControl, Trial, relative_position_error, trial};
 use crate::error::Result;
@@ -184,4 +182,18 @@ impl Bench<'_> {
             cost: self.costs.cost(&work, trial.factor),
         }
     }
+}
+
+/// The suffix of the name of a method whose steps adapt.
+pub(super) const ADAPTIVE: &str = ", adaptive";
+
+/// A number in three digits.
+pub(super) fn short(value: f64) -> String {
+    let size = value.abs();
+    if size != 0.0 && !(1e-3..1e7).contains(&size) {
+        return format!("{value:.1e}");
+    }
+    let digits = (2.0 - size.max(1e-300).log10().floor()).clamp(0.0, 12.0) as usize;
+    let text = format!("{value:.digits$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }

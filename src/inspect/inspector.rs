@@ -267,7 +267,11 @@ impl<'s> Inspector<'s> {
         let is_examined = option == self.found.option;
         let accuracy = if is_examined && a.dofs().len() < LARGE { Accuracy::FULL } else { Accuracy::CERTIFIED };
         let rows = a.dofs().len();
-        let examined = if rows >= LARGE { 6 } else { inertia.negative.clamp(12, DIRECTIONS) };
+        // A large matrix that is definite has no directions to examine: λ_min alone.
+        let examined = match rows >= LARGE {
+            true => inertia.negative.clamp(1, 6),
+            false => inertia.negative.clamp(12, DIRECTIONS),
+        };
         let wanted = if is_examined { examined } else { 1 };
         // See `definite_by_blocks`.
         let floor = match inertia.method {

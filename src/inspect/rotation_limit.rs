@@ -275,10 +275,12 @@ impl<'s> RotationLimit<'s> {
                 substitute(&mut self.reduced);
                 return true;
             }
-            Some((option, at)) if option == solved && (0.125..=8.0).contains(&(dt / at)) => {
-                if conjugate_gradients(operator, dt.recip(), masses, &mut substitute, &mut self.reduced) {
-                    return true;
-                }
+            Some((option, at))
+                if option == solved
+                    && (0.125..=8.0).contains(&(dt / at))
+                    && conjugate_gradients(operator, dt.recip(), masses, &mut substitute, &mut self.reduced) =>
+            {
+                return true;
             }
             _ => {}
         }

@@ -20,7 +20,7 @@ const PATH: [(f64, f64); 4] = [(0.0, 0.0), (1.0, 0.5), (2.0, 0.2), (3.0, 1.0)];
 
 /// The direction in which it swings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Way {
+pub(super) enum OscillationAxis {
     Along,
     Across,
 }
@@ -29,17 +29,17 @@ pub(super) struct Oscillator {
     pub system: System,
     pub start: State,
     pub lambda: Complex<f64>,
-    way: Way,
+    axis: OscillationAxis,
 }
 
 impl Oscillator {
     /// At a time between 1 s and 2 s, off its place and in motion.
-    pub fn new(way: Way, damping: f64, time: f64) -> Self {
-        Self::drifting(way, damping, time, 0.0)
+    pub fn new(axis: OscillationAxis, damping: f64, time: f64) -> Self {
+        Self::drifting(axis, damping, time, 0.0)
     }
 
     /// The same, and all of it goes at a steady speed along y.
-    pub fn drifting(way: Way, damping: f64, time: f64, drift: f64) -> Self {
+    pub fn drifting(axis: OscillationAxis, damping: f64, time: f64, drift: f64) -> Self {
         let mut builder = SystemBuilder::new();
         builder.gravity(GRAVITY, 0.0, 0.0);
         builder.particle([0.0; 3], 7.0);
@@ -52,21 +52,21 @@ impl Oscillator {
         start.prescribe(&system);
         start.positions[1] = start.positions[0] + Vector3::new(REST_LENGTH + MASS * GRAVITY / STIFFNESS, 0.0, 0.0);
         start.velocities[1] = start.velocities[0];
-        let (rate, omega) = match way {
-            Way::Along => {
+        let (rate, omega) = match axis {
+            OscillationAxis::Along => {
                 start.positions[1].x += 0.25;
                 start.velocities[1].x += 0.5;
                 let rate = 0.5 * damping / MASS;
                 (rate, (STIFFNESS / MASS - rate * rate).sqrt())
             }
-            Way::Across => {
+            OscillationAxis::Across => {
                 start.positions[1].y += 1e-6;
                 start.velocities[1].y += 2e-6;
                 // T/l, of T = m g.
                 (0.0, (GRAVITY / (REST_LENGTH + MASS * GRAVITY / STIFFNESS)).sqrt())
             }
         };
-        Self { system, start, lambda: Complex::new(-rate, omega), way }
+        Self { system, start, lambda: Complex::new(-rate, omega), axis }
     }
 
     /// The displacement from equilibrium and the velocity, relative to the led particle.
@@ -74,9 +74,9 @@ impl Oscillator {
         let mut there = State { time: state.time, ..self.start.clone() };
         there.prescribe(&self.system);
         let (x, v) = (state.positions[1] - there.positions[0], state.velocities[1] - there.velocities[0]);
-        match self.way {
-            Way::Along => [x.x - (REST_LENGTH + MASS * GRAVITY / STIFFNESS), v.x],
-            Way::Across => [x.y, v.y],
+        match self.axis {
+            OscillationAxis::Along => [x.x - (REST_LENGTH + MASS * GRAVITY / STIFFNESS), v.x],
+            OscillationAxis::Across => [x.y, v.y],
         }
     }
 

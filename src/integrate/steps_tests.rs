@@ -1,6 +1,6 @@
 //! One step of every method against its formula, worked out for an oscillator.
 
-use super::oscillator::{Oscillator, Way};
+use super::oscillator::{OscillationAxis, Oscillator};
 use super::{
     AdaptiveStepper, Bdf2, ImplicitOptions, LinearBackwardEuler, Method, Rodas4, StepMatrices, TimeStepper, WMethod,
 };
@@ -9,7 +9,8 @@ use crate::spring::Stiffness;
 use crate::system::{ExternalForce, State, StateView, SystemBuilder};
 use nalgebra::{Complex, DMatrix, Vector3};
 
-const OPTIONS: [(Way, f64, f64); 3] = [(Way::Along, 0.8, 1e-9), (Way::Along, 0.0, 1e-9), (Way::Across, 0.8, 1e-6)];
+const OPTIONS: [(OscillationAxis, f64, f64); 3] =
+    [(OscillationAxis::Along, 0.8, 1e-9), (OscillationAxis::Along, 0.0, 1e-9), (OscillationAxis::Across, 0.8, 1e-6)];
 
 /// R of the methods that solve one or two linear systems a step.
 fn stability(method: Method, z: Complex<f64>) -> Complex<f64> {
@@ -50,7 +51,7 @@ fn steps_are_those_of_the_stability_function() {
         }
     }
     // A steady drift across the spring changes nothing.
-    let oscillator = Oscillator::drifting(Way::Across, 0.8, 1.25, 2.0);
+    let oscillator = Oscillator::drifting(OscillationAxis::Across, 0.8, 1.25, 2.0);
     for method in
         [Method::LinearBackwardEuler, Method::BackwardEuler, Method::Bdf2, Method::ImplicitMidpoint, Method::W2]
     {
@@ -147,7 +148,7 @@ fn bdf2_goes_on_from_two_states() {
 /// The estimates of a first step of bdf2: ½ h (v' − v), and h (v[t', t] − a) with the acceleration at the start.
 #[test]
 fn the_first_step_of_bdf2_is_estimated_by_the_acceleration() {
-    let oscillator = Oscillator::new(Way::Along, 0.8, 1.25);
+    let oscillator = Oscillator::new(OscillationAxis::Along, 0.8, 1.25);
     let Oscillator { system, start, lambda, .. } = &oscillator;
     let h = 0.1;
     let [_, v] = oscillator.seen(start);
@@ -164,7 +165,7 @@ fn the_first_step_of_bdf2_is_estimated_by_the_acceleration() {
 /// `A δx = b` of a step of linearised backward Euler: the particle's three rows, `m/h² + b/h + κ` along the spring.
 #[test]
 fn the_matrices_of_a_step_are_its_equations() {
-    let oscillator = Oscillator::new(Way::Along, 0.8, 1.25);
+    let oscillator = Oscillator::new(OscillationAxis::Along, 0.8, 1.25);
     let Oscillator { system, start, lambda, .. } = &oscillator;
     let h = 0.6;
     let step = StepMatrices::assemble(system, start, Stiffness::Full, h).unwrap();
@@ -250,7 +251,7 @@ fn verlet_predicts_the_velocity_that_external_forces_see() {
 /// Up to six steps of one length share a matrix, but none after a rejected step or one of another length.
 #[test]
 fn w2_reuses_its_matrix() {
-    let oscillator = Oscillator::new(Way::Along, 0.8, 1.05);
+    let oscillator = Oscillator::new(OscillationAxis::Along, 0.8, 1.05);
     let Oscillator { system, start, .. } = &oscillator;
     let mut stepper = WMethod::new(system, start, &ImplicitOptions::default()).unwrap();
     let mut state = start.clone();
@@ -273,7 +274,7 @@ fn w2_reuses_its_matrix() {
 /// The properties by which steps are controlled, before the first step.
 #[test]
 fn methods_with_estimates_have_orders_and_limits() {
-    let oscillator = Oscillator::new(Way::Along, 0.8, 1.25);
+    let oscillator = Oscillator::new(OscillationAxis::Along, 0.8, 1.25);
     let Oscillator { system, start, .. } = &oscillator;
     for (method, orders, caution, growth, reuses) in [
         (Method::Bdf2, [2, 2], 36.0, 2.0, false),
@@ -322,7 +323,7 @@ fn conjugate_gradients() -> ImplicitOptions {
 /// E = ½ h (v' − v) of the last step.
 #[test]
 fn linearised_backward_euler_solves_to_its_error() {
-    let oscillator = Oscillator::new(Way::Along, DAMPING, 1.05);
+    let oscillator = Oscillator::new(OscillationAxis::Along, DAMPING, 1.05);
     let h = 0.25;
     let mut state = oscillator.start.clone();
     let mut stepper = LinearBackwardEuler::new(&oscillator.system, &state, &conjugate_gradients()).unwrap();
@@ -346,7 +347,7 @@ fn linearised_backward_euler_solves_to_its_error() {
 /// E = ⅓ τ (v' − v_predicted) of the last step, and a correction of the prediction.
 #[test]
 fn bdf2_solves_to_its_error() {
-    let oscillator = Oscillator::new(Way::Along, DAMPING, 1.05);
+    let oscillator = Oscillator::new(OscillationAxis::Along, DAMPING, 1.05);
     let mut states = vec![oscillator.start.clone()];
     let mut stepper = Bdf2::new(&oscillator.system, &states[0], &conjugate_gradients()).unwrap();
     let (mut error, mut last) = (0.0, 0.0);
@@ -373,7 +374,7 @@ fn bdf2_solves_to_its_error() {
 /// The first step is solved to the strictest tolerance, the second to the error of the first.
 #[test]
 fn rodas4_solves_to_its_error() {
-    let oscillator = Oscillator::new(Way::Along, DAMPING, 1.05);
+    let oscillator = Oscillator::new(OscillationAxis::Along, DAMPING, 1.05);
     let mut state = oscillator.start.clone();
     let mut stepper = Rodas4::new(&oscillator.system, &state, &conjugate_gradients()).unwrap();
     stepper.step(&mut state, 0.25).unwrap();

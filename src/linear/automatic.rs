@@ -115,12 +115,12 @@ enum Direct {
 
 /// The price of a matrix and of every solve with it, in force evaluations.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Price {
+struct Cost {
     once: f64,
     solve: f64,
 }
 
-impl Price {
+impl Cost {
     const INFINITE: Self = Self { once: f64::INFINITY, solve: 0.0 };
 
     fn direct(costs: &CostModel, size: FactorSize) -> Self {
@@ -142,8 +142,8 @@ struct AutomaticSolver {
     direct: Direct,
     par: Par,
     costs: CostModel,
-    multigrid_price: Price,
-    direct_price: Price,
+    multigrid_cost: Cost,
+    direct_cost: Cost,
     positions: Vec<Vector3<f64>>,
     /// Solves with the current matrix, and what the method has spent on it.
     solves: f64,
@@ -169,8 +169,8 @@ impl AutomaticSolver {
             other: None,
             direct: if factors { Direct::Unknown } else { Direct::Never },
             par: options.par,
-            multigrid_price: Price { once: costs.multigrid_setup(), solve },
-            direct_price: Price::INFINITE,
+            multigrid_cost: Cost { once: costs.multigrid_setup(), solve },
+            direct_cost: Cost::INFINITE,
             costs,
             positions: vec![Vector3::zeros(); system.particles()],
             solves: 0.0,
@@ -198,7 +198,7 @@ impl AutomaticSolver {
 
     /// What the method may spend on the current matrix: the price of the cheaper of those that follow.
     fn allowance(&self) -> f64 {
-        let [multigrid, direct] = [self.multigrid_price, self.direct_price].map(|price| price.total(self.solves));
+        let [multigrid, direct] = [self.multigrid_cost, self.direct_cost].map(|price| price.total(self.solves));
         match self.method {
             Method::BlockJacobi => multigrid.min(direct),
             Method::Multigrid => direct,
@@ -212,10 +212,10 @@ impl AutomaticSolver {
             return;
         }
         self.direct = Direct::Never;
-        let (costs, most) = (self.costs, HOPELESS * self.multigrid_price.total(1.0));
-        let is_worth = |size, bytes| Price::direct(&costs, size).total(1.0) <= most && fits(bytes);
+        let (costs, most) = (self.costs, HOPELESS * self.multigrid_cost.total(1.0));
+        let is_worth = |size, bytes| Cost::direct(&costs, size).total(1.0) <= most && fits(bytes);
         if let Some(plan) = CholeskyPlan::if_worth(system, self.par, work, is_worth) {
-            self.direct_price = Price::direct(&costs, plan.size());
+            self.direct_cost = Cost::direct(&costs, plan.size());
             self.direct = Direct::Analysed(Box::new(plan));
         }
     }
@@ -228,7 +228,7 @@ impl AutomaticSolver {
         }
         self.analyse(a.system(), work);
         self.spent = 0.0;
-        let [multigrid, direct] = [self.multigrid_price, self.direct_price].map(|price| price.total(self.solves));
+        let [multigrid, direct] = [self.multigrid_cost, self.direct_cost].map(|price| price.total(self.solves));
         if self.method == Method::Multigrid || direct <= multigrid {
             self.direct = match std::mem::replace(&mut self.direct, Direct::Never) {
                 Direct::Analysed(plan) => {
@@ -242,12 +242,12 @@ impl AutomaticSolver {
                 self.method = Method::Cholesky;
                 return updated;
             }
-            self.direct_price = Price::INFINITE;
+            self.direct_cost = Cost::INFINITE;
             return Ok(());
         }
         let create = || Preconditioner::new(PreconditionerKind::Multigrid, a.system());
         let Ok(mut multigrid) = self.other.take().map_or_else(create, Ok) else {
-            self.multigrid_price = Price::INFINITE;
+            self.multigrid_cost = Cost::INFINITE;
             return Ok(());
         };
         multigrid.set_positions(&self.positions);
@@ -304,7 +304,7 @@ impl LinearSolver for AutomaticSolver {
     }
 
     fn choice(&self) -> Option<String> {
-        let [multigrid, direct] = [self.multigrid_price, self.direct_price].map(|price| price.total(1.0));
+        let [multigrid, direct] = [self.multigrid_cost, self.direct_cost].map(|price| price.total(1.0));
         let direct = match self.direct {
             Direct::Unknown => "a factorization has not been considered".into(),
             Direct::Never => "a factorization costs far more, or is too large".into(),
@@ -367,9 +367,9 @@ impl LinearSolver for AutomaticSolver {
             match self.method {
                 Method::BlockJacobi => self.total_spent += cost,
                 Method::Multigrid if solved.is_ok() => {
-                    self.multigrid_price.solve = 0.5 * (self.multigrid_price.solve + cost);
+                    self.multigrid_cost.solve = 0.5 * (self.multigrid_cost.solve + cost);
                 }
-                Method::Multigrid => self.multigrid_price.solve = self.multigrid_price.solve.max(cost),
+                Method::Multigrid => self.multigrid_cost.solve = self.multigrid_cost.solve.max(cost),
                 Method::Cholesky => {}
             }
             match solved {
@@ -435,7 +435,7 @@ mod tests {
     fn stiff_matrices_are_factored_where_that_is_cheap() {
         let scene = chain(2000);
         let (a, mut work, mut solver) = (operator(&scene, 1.0), Work::default(), automatic(&scene.0, true));
-        let allowed = solver.multigrid_price.total(1.0) / solver.costs.iteration(PreconditionerKind::BlockJacobi);
+        let allowed = solver.multigrid_cost.total(1.0) / solver.costs.iteration(PreconditionerKind::BlockJacobi);
         let solution = solve(&mut solver, &a, &mut work).unwrap();
         assert!(solution.relative_residual < 1e-9, "{solution:?}");
         assert_eq!((work.cg_iterations, work.factorizations, solver.name()), (allowed as u64, 1, "llt"));
@@ -454,7 +454,7 @@ mod tests {
             if has_positions {
                 solver.set_positions(&scene.1.positions);
             }
-            solver.multigrid_price.solve = 0.0;
+            solver.multigrid_cost.solve = 0.0;
             solve(&mut solver, &a, &mut work).unwrap();
             assert_eq!((solver.name(), solver.preconditioner()), ("cg", Some("multigrid")));
             assert_eq!((work.multigrid_setups, work.symbolic_factorizations), (1, 0));
@@ -488,7 +488,7 @@ mod tests {
     fn block_jacobi_goes_on_where_there_is_nothing_else() {
         let scene = chain(500);
         let (a, mut work, mut solver) = (operator(&scene, 1.0), Work::default(), automatic(&scene.0, false));
-        solver.multigrid_price = Price::INFINITE;
+        solver.multigrid_cost = Cost::INFINITE;
         solve(&mut solver, &a, &mut work).unwrap();
         assert!(solver.preconditioner() == Some("block-jacobi") && work.cg_iterations >= 490, "{work:?}");
     }

@@ -265,6 +265,7 @@ fn changes(
     steps: &[[f64; LEVELS]],
 ) -> Vec<Change> {
     let mut changes = vec![Change { difference: [0.0; LEVELS], size: [0.0; LEVELS] }; x.len()];
+    #[expect(clippy::needless_range_loop, reason = "the level is an index of two arrays of arrays")]
     for level in 0..LEVELS {
         let after = evaluate_moved(force, x, group, |place, x| x + steps[place][level]);
         let before = evaluate_moved(force, x, group, |place, x| x - steps[place][level]);

@@ -167,7 +167,7 @@ pub(super) fn repeated(case: &TestCase) -> Measured {
         let run = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             let pool = pool.map_err(|error| Error::Unsupported(format!("no pool of {threads} threads: {error}")))?;
-            pool.install(|| MethodVariant::on_demand().run(case, options.clone(), case.dt, STEPS))
+            pool.install(|| MethodVariant::on_demand().run(case, options, case.dt, STEPS))
         };
         checks.push(check(format!("same with one thread and two, {name}"), differences(&run(1)?, &run(2)?)));
     }

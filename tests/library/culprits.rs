@@ -64,7 +64,8 @@ fn where_thousands_curve_downwards_the_set_is_the_smallest() {
     assert!(set.at_least >= negative.div_ceil(2) && set.at_least <= set.springs.len());
     assert!(3 * set.at_least >= 2 * set.springs.len(), "{} to {}", set.at_least, set.springs.len());
     assert!(a_without(&system, &state, 0.05, &set.springs).is_definite());
-    assert!(work.factorizations <= 8, "{work:?}");
+    // The final count of signs takes two, one on either side of zero.
+    assert!(work.factorizations <= 9, "{work:?}");
 }
 
 /// The same spring among hundreds that are slightly compressed: option II would drop them all.

@@ -163,7 +163,7 @@ mod tests {
     #[test]
     fn every_chapter_names_checks_that_exist() {
         let root = crate::root().unwrap();
-        let families = fs::read_to_string(root.join("src/verify/family.rs")).unwrap();
+        let families = fs::read_to_string(root.join("src/verify/suite.rs")).unwrap();
         let claims: Vec<String> = found(r#"Claim::(\w+),\s+"(\w+)""#, &families)
             .iter()
             .map(|family| format!("{}::{}", family[1].to_lowercase(), &family[2]))

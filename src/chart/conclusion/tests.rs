@@ -1,7 +1,7 @@
 //! A table made up by hand, and everything that can be read off it: decisions, sentences, pictures.
 
 use super::{called, flat, spread, times};
-use crate::chart::decision::short;
+use crate::chart::run::short;
 use crate::chart::{Decision, Figure, Quality, Reference, Run, WorkPrecision, best_of_each, curves, tail};
 use crate::figure::{Guide, Series};
 use crate::integrate::Status;

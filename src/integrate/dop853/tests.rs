@@ -1,6 +1,6 @@
 use super::coefficients::{A, C, E3, E5, Row, SQUARE, STAGES, chain, sum, weights};
 use super::{Dop853, END};
-use crate::integrate::oscillator::{Oscillator, Way};
+use crate::integrate::oscillator::{OscillationAxis, Oscillator};
 use crate::integrate::substeps::pulled_with_kinks;
 use crate::integrate::{AdaptiveStepper, TimeStepper};
 use crate::spring::Spring;
@@ -232,14 +232,18 @@ fn scalar(lambda: Complex<f64>, h: f64) -> [Complex<f64>; 3] {
 /// A step of 0.6 s between two kinks: the new state, both estimates, and the local error.
 #[test]
 fn steps_and_estimates_are_those_of_the_formula() {
-    for (way, damping, tolerance) in [(Way::Along, 0.8, 1e-12), (Way::Along, 0.0, 1e-12), (Way::Across, 0.0, 1e-6)] {
+    for (way, damping, tolerance) in [
+        (OscillationAxis::Along, 0.8, 1e-12),
+        (OscillationAxis::Along, 0.0, 1e-12),
+        (OscillationAxis::Across, 0.0, 1e-6),
+    ] {
         let oscillator = Oscillator::new(way, damping, 1.25);
         let Oscillator { system, start, lambda, .. } = &oscillator;
         let (amplitude, h) = (oscillator.amplitude(start), 0.6);
         let [next, fine, coarse] = scalar(*lambda, h);
         let [fine, coarse] = [fine, coarse].map(|e| oscillator.motion(amplitude * e));
         let near = |a: f64, b: f64| (a - b).abs() <= tolerance * amplitude.norm();
-        let axis = usize::from(way == Way::Across);
+        let axis = usize::from(way == OscillationAxis::Across);
         let mut state = start.clone();
         state.velocities[0].x = 99.0;
         let mut stepper = Dop853::new(system, &state).unwrap();
@@ -273,7 +277,7 @@ fn steps_and_estimates_are_those_of_the_formula() {
 /// The errors of substeps add up: the path has a kink in the middle of the step.
 #[test]
 fn errors_of_substeps_add_up() {
-    let oscillator = Oscillator::new(Way::Along, 0.8, 1.75);
+    let oscillator = Oscillator::new(OscillationAxis::Along, 0.8, 1.75);
     let Oscillator { system, start, .. } = &oscillator;
     let wrong = |steps: &[f64]| {
         let mut state = start.clone();

@@ -125,10 +125,11 @@ impl ParticleSums {
         let block = |number: usize| {
             let (gravity, masses) = (system.gravity(), system.masses());
             let mut sums = Self::default();
-            for p in number * BLOCK..own.min((number + 1) * BLOCK) {
-                let (x, v, mass) = (state.positions[p], state.velocities[p], masses[p]);
+            let range = number * BLOCK..own.min((number + 1) * BLOCK);
+            let particles = state.positions[range.clone()].iter().zip(&state.velocities[range.clone()]);
+            for ((x, v), &mass) in particles.zip(&masses[range]) {
                 sums.kinetic += 0.5 * mass * v.norm_squared();
-                sums.weight += mass * gravity.dot(&x);
+                sums.weight += mass * gravity.dot(x);
                 if is_loose {
                     sums.mass += mass;
                     sums.momentum += v * mass;

@@ -35,7 +35,7 @@ struct Coordinate {
 }
 
 /// A spring that ends in one, at the last state.
-struct Driven {
+struct DrivenSpring {
     spring: usize,
     /// x_i − x_j.
     d: Vector3<f64>,
@@ -63,7 +63,7 @@ pub(super) struct Work<'s> {
     coordinates: Vec<Coordinate>,
     /// The mean velocities in the step of the coordinates that are led, by particle; empty where none is.
     led: Vec<[Option<f64>; 3]>,
-    driven: Vec<Driven>,
+    driven: Vec<DrivenSpring>,
     /// The values of the law at the last state, where it gives those of all springs at once.
     law: LawValues,
     external: Option<External>,
@@ -94,7 +94,7 @@ impl<'s> Work<'s> {
                 let [i, j] = system.pair(spring);
                 let d = state.positions[i] - state.positions[j];
                 let velocities = [state.velocities[i], state.velocities[j]];
-                Driven { spring, d, velocities, resolved: resolved_step(system, spring) }
+                DrivenSpring { spring, d, velocities, resolved: resolved_step(system, spring) }
             })
             .collect();
         let external = system.has_external_forces().then(|| External::at(system, state));

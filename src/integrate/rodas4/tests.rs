@@ -1,6 +1,6 @@
 use super::{A, B, C, GAMMA, RATES, Rodas4, Row, STAGES, TIMES, position_error, rotational_damping, stage_error};
 use crate::force::SpringGeometry;
-use crate::integrate::oscillator::{Oscillator, Way};
+use crate::integrate::oscillator::{OscillationAxis, Oscillator};
 use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
 use crate::linear::{
     Definiteness, LdltSolver, LinearSolver, PreparedMatrix, Solution, SolveFailure, SolverChoice, SolverOptions, norm,
@@ -132,7 +132,9 @@ fn scalar(lambda: Complex<f64>, h: f64) -> [Complex<f64>; 2] {
 /// A step of 0.6 s between two kinks: the new state, the difference from the embedded formula, and the local error.
 #[test]
 fn steps_are_those_of_the_formula() {
-    for (way, damping, tolerance) in [(Way::Along, 0.8, 1e-9), (Way::Along, 0.0, 1e-9), (Way::Across, 0.8, 1e-6)] {
+    for (way, damping, tolerance) in
+        [(OscillationAxis::Along, 0.8, 1e-9), (OscillationAxis::Along, 0.0, 1e-9), (OscillationAxis::Across, 0.8, 1e-6)]
+    {
         let oscillator = Oscillator::new(way, damping, 1.25);
         let Oscillator { system, start, lambda, .. } = &oscillator;
         let [last, next] = scalar(*lambda, 0.6);
@@ -144,7 +146,7 @@ fn steps_are_those_of_the_formula() {
         state.velocities[0].x = 99.0;
         let mut stepper = Rodas4::new(system, &state, &ImplicitOptions::default()).unwrap();
         let estimate = stepper.try_step(&state, 0.6).unwrap();
-        let axis = usize::from(way == Way::Across);
+        let axis = usize::from(way == OscillationAxis::Across);
         assert!(near(estimate.positions[1][axis], x) && near(estimate.velocities[1][axis], v), "{way:?} {estimate:?}");
         assert_eq!(estimate.positions[0], Vector3::zeros());
         let mut accepted = state.clone();
