@@ -114,7 +114,7 @@ fn write(
     let LoadedScene { name, system, state, triangles, .. } = scene;
     AtomicFile::write_indented_json(folder.join(FILES[0]), record)?;
     write_modes(folder.join(FILES[1]), system, found)?;
-    let motions = mode_motions(name, at, system.dimension(), found);
+    let motions = mode_motions(name, at, system, found);
     if motions.motions.is_empty() {
         claimed.remove(PAGE)?;
         return Ok(false);

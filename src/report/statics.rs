@@ -255,6 +255,12 @@ impl<'a> MechanismsRecord<'a> {
     }
 }
 
+/// The number of states of self-stress in words.
+fn self_stresses(found: &Mechanisms) -> String {
+    let states = if found.self_stresses == 1 { "state" } else { "states" };
+    format!("{} {states} of self-stress", found.self_stresses)
+}
+
 /// Mechanisms in words.
 pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
     let others = found.mechanisms.saturating_sub(found.rigid_motions);
@@ -271,11 +277,7 @@ pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
         found.rank,
         freedoms.replace("degree of freedoms", "degrees of freedom")
     );
-    let _ = writeln!(
-        text,
-        "  {}",
-        count(found.self_stresses, "state of self-stress").replace("self-stresss", "self-stress")
-    );
+    let _ = writeln!(text, "  {}", self_stresses(found));
     if !found.decided {
         let [kept, dropped] = found.gap.map(pretty);
         let _ = writeln!(

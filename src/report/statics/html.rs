@@ -1,18 +1,24 @@
 //! Normal modes, mechanisms and load paths as what pages show.
 
-use super::{BALANCED, ranges};
+use super::{BALANCED, ranges, self_stresses};
 use crate::equilibrium::{Equilibrium, LoadPath, Stability};
 use crate::figure::{Animation, Axis, Guide, Plot, SceneTopology, Series, Track};
 use crate::mechanisms::Mechanisms;
 use crate::modes::{Mode, Modes};
 use crate::report::number::{count, pretty};
 use crate::report::view::{Motion, Motions};
+use crate::system::System;
 
 /// Normal modes, zero modes first.
-pub fn mode_motions(scene: &str, at: &str, dimension: usize, found: &Modes) -> Motions {
+pub fn mode_motions(scene: &str, at: &str, system: &System, found: &Modes) -> Motions {
+    let dimension = system.dimension();
+    let mut movable = [0.0; 3];
+    for (p, mass) in system.masses().iter().enumerate() {
+        system.dofs().free_axes(p).iter().for_each(|axis| movable[axis] += mass);
+    }
     let axes = &["x", "y", "z"][..dimension];
     let columns = ["Hz", "period, s", "damping"].map(String::from).into_iter();
-    let columns = columns.chain(axes.iter().map(|axis| format!("mass {axis}, kg"))).collect();
+    let columns = columns.chain(axes.iter().map(|axis| format!("mass {axis}, %"))).collect();
     let motion = |name: String, mode: &Mode, is_zero: bool| {
         let ([frequency, period], remark) = match (is_zero, mode.frequency(), mode.growth_rate()) {
             (true, ..) => (["0".into(), "∞".into()], "moves without resistance".into()),
@@ -26,7 +32,11 @@ pub fn mode_motions(scene: &str, at: &str, dimension: usize, found: &Modes) -> M
             }
         };
         let damping = if is_zero { None } else { mode.damping_ratio };
-        let masses = mode.effective_mass[..dimension].iter().map(|&mass| pretty(mass));
+        let part = |(mass, all): (&f64, &f64)| match 100.0 * mass / all {
+            part if part < 0.05 => "0".into(),
+            part => format!("{part:.1}"),
+        };
+        let masses = mode.effective_mass[..dimension].iter().zip(&movable).map(part);
         let cells = [frequency, period, damping.map_or("–".into(), pretty)].into_iter().chain(masses).collect();
         Motion { name, cells, remark, shape: found.shape(mode) }
     };
@@ -71,11 +81,7 @@ pub fn mechanism_motions(scene: &str, found: &Mechanisms) -> Motions {
         "{} that stretch no spring, beside {}; {}.",
         count(others, "motion"),
         count(found.rigid_motions, "rigid motion"),
-        if found.self_stresses == 1 {
-            "1 state of self-stress".into()
-        } else {
-            format!("{} states of self-stress", found.self_stresses)
-        }
+        self_stresses(found)
     )];
     match found.prestress_stable {
         Some(true) => facts.push("Prestress stiffens all of them.".into()),
