@@ -287,14 +287,21 @@ impl<'s> Search<'s> {
 
     fn run(mut self) -> Result<Equilibrium> {
         loop {
+            let mut creeping = Creeping::default();
             while self.residual() > self.options.tolerance {
                 if self.iterations == self.options.iterations {
                     return self.end(Stability::NotConverged);
                 }
                 self.iterations += 1;
-                let step = self.newton_step()?;
+                let (step, is_definite) = self.newton_step()?;
                 if !self.line_search(&step) {
                     return self.end(Stability::NotConverged);
+                }
+                if self.options.leave_saddles
+                    && creeping.is_seen(is_definite, self.residual())
+                    && let Some(direction) = self.unstable_direction()?
+                {
+                    self.leave(&direction);
                 }
             }
             // One more step, at full length, takes the residual to rounding.
@@ -310,12 +317,12 @@ impl<'s> Search<'s> {
         }
     }
 
-    /// p of `−K p = f`, with the full K where −K is positive definite, else with option *tension*, moved away from singular.
-    fn newton_step(&mut self) -> Result<Vec<f64>> {
+    /// p of `−K p = f`, with the full K where −K is positive definite, else with option *tension*, moved away from singular; and whether it was.
+    fn newton_step(&mut self) -> Result<(Vec<f64>, bool)> {
         for option in [Stiffness::Full, Stiffness::Tension] {
             let mut a = self.assemble(option)?;
             if self.factor(&a) {
-                return Ok(self.solve());
+                return Ok((self.solve(), option == Stiffness::Full));
             }
             if option == Stiffness::Tension {
                 let norm = Some(norm_of(&a)).filter(|norm| *norm > 0.0).unwrap_or(self.acting);
@@ -323,14 +330,14 @@ impl<'s> Search<'s> {
                 while shift < norm {
                     a.shift(shift);
                     if self.factor(&a) {
-                        return Ok(self.solve());
+                        return Ok((self.solve(), false));
                     }
                     shift *= 100.0;
                 }
             }
         }
         // A matrix of no numbers: downhill.
-        Ok(self.force.clone())
+        Ok((self.force.clone(), false))
     }
 
     fn assemble(&mut self, option: Stiffness) -> Result<SymmetricMatrix> {
@@ -496,6 +503,36 @@ impl<'s> Search<'s> {
             work: self.work,
             state: self.state,
         })
+    }
+}
+
+/// Watches for steps that hardly move: just beyond a limit point forces are small and −K is indefinite, and the regularised step goes by the stiffness that
+/// compressed springs would have.
+#[derive(Default)]
+struct Creeping {
+    steps: usize,
+    residual: f64,
+}
+
+impl Creeping {
+    /// Steps in a row with an indefinite −K, after which residuals are compared.
+    const STEPS: usize = 20;
+    /// The largest residual at which a slow search is taken for a creeping one.
+    const SMALL: f64 = 1e-3;
+
+    /// Whether so many steps have not halved a small residual.
+    fn is_seen(&mut self, is_definite: bool, residual: f64) -> bool {
+        if is_definite || self.steps == 0 {
+            *self = Self { steps: usize::from(!is_definite), residual };
+            return false;
+        }
+        self.steps += 1;
+        if self.steps < Self::STEPS {
+            return false;
+        }
+        let is_slow = residual < Self::SMALL && residual > 0.5 * self.residual;
+        *self = Self::default();
+        is_slow
     }
 }
 

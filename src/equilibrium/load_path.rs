@@ -68,6 +68,9 @@ const CRITICAL: usize = 20;
 /// Residual of the equilibria: well below LOCATED, so that none is found beyond a limit point by what its force leaves over.
 const TOLERANCE: f64 = 1e-12;
 
+/// Newton steps at most between neighbours on the path.
+const NEAR: usize = 200;
+
 /// A step this many times longer than the tangent says may have jumped.
 const JUMP: f64 = 3.0;
 
@@ -96,6 +99,11 @@ pub fn load_path(system: &System, state: &State, count: usize) -> Result<LoadPat
                 break;
             };
             result.critical.push(critical);
+            // Just beyond a limit point little drives the search; under the load of the step it arrives.
+            let (beyond, after) = match after.stability {
+                Stability::NotConverged => (target, path.settled(target, &after.state)?),
+                _ => (beyond, after),
+            };
             result.steps.push((beyond, after));
             if beyond >= target {
                 break;
@@ -121,6 +129,17 @@ impl Path<'_> {
         let options =
             EquilibriumOptions { load, tolerance: TOLERANCE, leave_saddles: false, ..EquilibriumOptions::default() };
         equilibrium(self.system, from, options)
+    }
+
+    /// As `at`, between neighbours on the path: one that is far counts as beyond.
+    fn between(&self, load: f64, from: &State) -> Result<Equilibrium> {
+        let options = EquilibriumOptions { load, tolerance: TOLERANCE, iterations: NEAR, leave_saddles: false };
+        equilibrium(self.system, from, options)
+    }
+
+    /// The equilibrium downhill, away from saddles.
+    fn settled(&self, load: f64, from: &State) -> Result<Equilibrium> {
+        equilibrium(self.system, from, EquilibriumOptions { load, ..EquilibriumOptions::default() })
     }
 
     fn distance(&self, a: &Equilibrium, b: &Equilibrium) -> f64 {
@@ -160,7 +179,7 @@ impl Path<'_> {
         let (mut low, mut high) = ((factor, from.clone()), (target, to.clone()));
         while high.0 - low.0 > LOCATED {
             let middle = 0.5 * (low.0 + high.0);
-            let found = self.at(middle, &low.1.state)?;
+            let found = self.between(middle, &low.1.state)?;
             let jump = self.distance(&low.1, &high.1);
             let is_beyond = found.stability == Stability::NotConverged
                 || changes(&low.1, &found)

@@ -244,6 +244,34 @@ fn a_shallow_truss_snaps_through_at_the_load_of_the_textbook() {
     assert!(load_path(&system, &state, 10).unwrap().critical.is_empty());
 }
 
+/// Just beyond the limit point forces are tiny and −K is indefinite: the search does not creep but snaps through, and a path goes on behind it.
+#[test]
+fn searches_do_not_creep_beyond_a_limit_point() {
+    let (k, height) = (1000.0, 0.3);
+    let length = f64::hypot(1.0, height);
+    let limit = 2.0 * k * (1.0 - length.recip().powf(2.0 / 3.0)).powf(1.5);
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    for x in [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, height, 0.0]] {
+        builder.particle(x, 1.0);
+    }
+    builder.spring(0, 2, spring(k, length));
+    builder.spring(1, 2, spring(k, length));
+    builder.hold(0).hold(1);
+    let (system, state) = builder.build().unwrap();
+    let loaded = |load: f64| {
+        let forces = vec![Vector3::zeros(), Vector3::zeros(), Vector3::new(0.0, -load, 0.0)];
+        system.clone().with_loads(Loads { forces, ..Loads::default() }).unwrap()
+    };
+    let below = find(&loaded(limit * (1.0 - 1e-8)), &state);
+    assert!(below.state.positions[2].y > 0.0);
+    let above = find(&loaded(limit * (1.0 + 1e-8)), &below.state);
+    assert_eq!(above.stability, Stability::Stable);
+    assert!(above.state.positions[2].y < -height && above.iterations < 100, "{above:?}");
+    let path = load_path(&loaded(1.7 * limit), &state, 7).unwrap();
+    let (factor, last) = path.steps.last().unwrap();
+    assert_eq!((*factor, last.stability, path.critical.len()), (1.0, Stability::Stable, 1));
+}
+
 /// A column of two bars braced by a spring across buckles sideways where the brace is too soft, 2P/l = κ: a bifurcation, which linear buckling
 /// estimates well.
 #[test]

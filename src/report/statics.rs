@@ -1,4 +1,8 @@
-//! Equilibria, normal modes and mechanisms as JSON and text.
+//! Equilibria, normal modes and mechanisms as JSON, text and pages.
+
+mod html;
+
+pub use html::{load_path_animation, load_path_plot, mechanism_motions, mode_motions};
 
 use super::number::{count, pretty};
 use crate::equilibrium::{Equilibrium, Signs, Stability};
@@ -35,11 +39,15 @@ pub struct EquilibriumRecord<'a> {
     critical_loads: Vec<f64>,
     critical_kinds: Vec<&'static str>,
     factorizations: u64,
+    linear_buckling: Option<f64>,
+    time: f64,
     positions: Vec<Vec<f64>>,
+    velocities: Vec<Vec<f64>>,
 }
 
 impl<'a> EquilibriumRecord<'a> {
-    /// Of a scene by its name, in so many dimensions, with the load factors at which its inertia changes and what happens there.
+    /// Of a scene by its name, in so many dimensions, with the load factors at which its inertia changes and what happens there. Time, positions
+    /// and velocities are those of a state at rest, as a `final.json` has them.
     pub fn new(scene: &'a str, dimension: usize, found: &'a Equilibrium, critical: &[(f64, &'static str)]) -> Self {
         Self {
             scene,
@@ -53,21 +61,36 @@ impl<'a> EquilibriumRecord<'a> {
             critical_loads: critical.iter().map(|(factor, _)| *factor).collect(),
             critical_kinds: critical.iter().map(|(_, kind)| *kind).collect(),
             factorizations: found.work.factorizations,
+            linear_buckling: None,
+            time: found.state.time,
             positions: found.state.positions.iter().map(|x| x.as_slice()[..dimension].to_vec()).collect(),
+            velocities: vec![vec![0.0; dimension]; found.state.positions.len()],
         }
+    }
+
+    /// With the first critical load by linear buckling.
+    pub fn with_linear_buckling(self, linear_buckling: Option<f64>) -> Self {
+        Self { linear_buckling, ..self }
+    }
+}
+
+/// The kind of an equilibrium in words.
+pub fn verdict(found: &Equilibrium) -> String {
+    let Signs { negative, zero, .. } = found.inertia;
+    match found.stability {
+        Stability::Stable => "stable: the energy has a minimum here".to_string(),
+        Stability::Indifferent if zero == 1 => "indifferent: 1 motion costs no energy".to_string(),
+        Stability::Indifferent => format!("indifferent: {zero} motions cost no energy"),
+        Stability::Unstable if negative == 1 => "unstable: a saddle of the energy with 1 direction down".to_string(),
+        Stability::Unstable => format!("unstable: a saddle of the energy with {negative} directions down"),
+        Stability::None => format!("none: nothing holds particles {} against their load", ranges(&found.falling)),
+        Stability::NotConverged => "not-converged: forces are left".to_string(),
     }
 }
 
 /// An equilibrium in words.
 pub fn equilibrium_text(scene: &str, found: &Equilibrium, critical: &[(f64, &'static str)]) -> String {
-    let Signs { negative, zero, .. } = found.inertia;
-    let verdict = match found.stability {
-        Stability::Stable => "stable: the energy has a minimum here".to_string(),
-        Stability::Indifferent => format!("indifferent: {} cost no energy", count(zero, "motion")),
-        Stability::Unstable => format!("unstable: a saddle of the energy with {}", count(negative, "direction down")),
-        Stability::None => format!("none: nothing holds particles {} against their load", ranges(&found.falling)),
-        Stability::NotConverged => "not converged: forces are left".to_string(),
-    };
+    let verdict = verdict(found);
     let mut text = format!("{scene}: {verdict}\n");
     let _ = writeln!(text, "  largest force left    {} of the largest that acts", pretty(found.residual));
     let _ = writeln!(text, "  energy                {} J", pretty(found.energy));
@@ -232,6 +255,12 @@ impl<'a> MechanismsRecord<'a> {
     }
 }
 
+/// The number of states of self-stress in words.
+fn self_stresses(found: &Mechanisms) -> String {
+    let states = if found.self_stresses == 1 { "state" } else { "states" };
+    format!("{} {states} of self-stress", found.self_stresses)
+}
+
 /// Mechanisms in words.
 pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
     let others = found.mechanisms.saturating_sub(found.rigid_motions);
@@ -248,11 +277,7 @@ pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
         found.rank,
         freedoms.replace("degree of freedoms", "degrees of freedom")
     );
-    let _ = writeln!(
-        text,
-        "  {}",
-        count(found.self_stresses, "state of self-stress").replace("self-stresss", "self-stress")
-    );
+    let _ = writeln!(text, "  {}", self_stresses(found));
     if !found.decided {
         let [kept, dropped] = found.gap.map(pretty);
         let _ = writeln!(

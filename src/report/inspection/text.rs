@@ -41,6 +41,9 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
         known(examined.largest, plain),
         known(examined.condition, plain),
     ));
+    if inertia.negative == 0 && inertia.zero > 0 {
+        lines.push("  singular     sprung mechanisms names the motions that stretch no spring".into());
+    }
     lines.push(format!("  limits       {}; a run leaves it, --steps N follows one", scope()));
     lines.push(format!(
         "  {:<12} {:<20} {:<20} {:<16} {}",
