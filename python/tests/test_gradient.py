@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 import sprung
@@ -271,8 +273,21 @@ def test_the_stepper_goes_on_from_the_end():
 
 
 def test_chaos_is_told():
-    """A pendulum of three heavy bobs that tumbles for long magnifies differences without bound."""
-    system = sprung.System.ready("pendulum", 3)
-    run = sprung.Stepper(system, method="implicit-midpoint").run(0.2, dt=0.005, differentiable=True)
-    run.gradient(np.ones((len(system.masses), system.dimension)))
-    assert "steps" in repr(run)
+    """A pendulum of three bobs tumbles: soon its gradients are those of rounding."""
+    system = sprung.System(
+        [[0, 0], [1, 0.3], [2, 0.5], [2.5, 1.2]], [[0, 1], [1, 2], [2, 3]], masses=1.0, stiffness=2000.0, gravity=[0, -9.81],
+        constraints=[sprung.Constraint(0)],
+    )  # fmt: skip
+    weights = np.ones((4, 2))
+    short = sprung.Stepper(system, method="implicit-midpoint").run(0.5, dt=0.01, differentiable=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        short.gradient(weights)
+    long = sprung.Stepper(system, method="implicit-midpoint").run(10.0, dt=0.01, differentiable=True)
+    with pytest.warns(sprung.DoubtWarning, match="errors are as large as the motion itself"):
+        found = long.gradient(weights)
+    assert abs(found.positions).max() > 1e6
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        long.gradient(weights, check=False)
+    assert repr(long) == "<DifferentiableRun of 1000 steps to t = 10 s>"

@@ -300,6 +300,20 @@ def test_mechanisms_of_a_tensegrity_prism():
     assert found.gap[0] > 1e3 * found.gap[1] and turned.gap[0] > 0
 
 
+def test_many_mechanisms_of_a_large_system_are_counted():
+    system = sprung.System.ready("cloth", 20)
+    found = sprung.mechanisms(system)
+    first, second = system.pairs.T.astype(int)
+    x = system.initial_state().positions
+    normals = (x[first] - x[second]) / np.linalg.norm(x[first] - x[second], axis=1)[:, None]
+    directions = np.zeros((len(first), *x.shape))
+    directions[np.arange(len(first)), first], directions[np.arange(len(first)), second] = normals, -normals
+    free = directions[:, system.dofs[:, 0], system.dofs[:, 1]]
+    assert found.rank == np.linalg.matrix_rank(free @ free.T if len(free) < free.shape[1] else free.T @ free, tol=1e-9)
+    assert found.mechanisms == len(system.dofs) - found.rank > 100 and found.decided
+    assert found.motions.shape == (0, 400, 3) and found.self_stress.shape == (0, len(first)) and found.prestress_stable is None
+
+
 def test_states_of_another_system():
     with pytest.raises(ValueError, match="positions"):
         sprung.modes(square(1), 2, sprung.State(np.zeros((3, 2))))

@@ -88,8 +88,7 @@ class DifferentiableRun:
         records : sequence of (step, positions, velocities), optional
             The same for states on the way, by the number of the step; ``None`` for zero.
         check : bool
-            Whether to warn where the motion magnifies differences so much that the gradient means nothing; it takes
-            one more run.
+            Whether to warn where the motion magnifies errors so much that the gradient means nothing; it takes one more run.
 
         Warns
         -----
@@ -113,7 +112,10 @@ class DifferentiableRun:
         found = Gradient(self._native.gradient(given))
         until = self._native.predictable_until() if check else None
         if until is not None:
-            message = f"the motion magnifies differences to its own size from t = {until:.6g} s on: beyond, gradients mean nothing"
+            message = (
+                f"from t = {until:.6g} s on errors are as large as the motion itself: "
+                "gradients of later states are exact for the computed numbers, but say nothing about the scene"
+            )
             warnings.warn(message, DoubtWarning, stacklevel=2)
         return found
 

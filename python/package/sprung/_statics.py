@@ -219,19 +219,20 @@ class Mechanisms:
     self_stresses : int
         ``springs - rank``.
     gap : tuple
-        The smallest singular value that counts as not zero, and the largest that does.
+        The smallest singular value that counts as not zero, and the largest that does; NaN where there is none, or where it was only
+        counted.
     decided : bool
         Whether rounding leaves no singular value open.
     prestress_stable : bool or None
-        Whether prestress stiffens all mechanisms beside rigid motions.
+        Whether prestress stiffens all mechanisms beside rigid motions; ``None`` without such mechanisms, or where this was not decided.
     movers : list of list of int
         The particles that move in each of ``motions``.
     added_springs : list of (int, int)
         Pairs of particles between which springs remove the mechanisms.
     motions : ndarray, shape (found, particles, dimension)
-        A basis of the mechanisms beside rigid motions.
+        A basis of the mechanisms beside rigid motions; of large systems with more than a hundred they are only counted.
     self_stress : ndarray, shape (found, springs)
-        A basis of the states of self-stress.
+        A basis of the states of self-stress; empty for large systems, where they are only counted.
     """
 
     def __init__(self, handed: tuple[str, Floats, Floats]) -> None:
@@ -260,6 +261,6 @@ def mechanisms(system: System, state: State | None = None) -> Mechanisms:
     --------
     >>> import sprung
     >>> sprung.mechanisms(sprung.System.ready("pendulum")).mechanisms
-    2
+    1
     """
     return Mechanisms(_native.mechanisms(system._native, system._given(state)))
