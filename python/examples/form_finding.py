@@ -37,7 +37,12 @@ print(f"height of the middle: {form.positions[number[SIZE // 2, SIZE // 2], 2]:.
 
 # A prism, built with a wrong turn.
 angles, turn = 2 * np.pi * np.arange(3) / 3, np.radians(10)
-ring = lambda turn, height: np.column_stack([np.cos(angles + turn), np.sin(angles + turn), np.full(3, height)])
+
+
+def ring(turn, height):
+    return np.column_stack([np.cos(angles + turn), np.sin(angles + turn), np.full(3, height)])
+
+
 corners = np.vstack([ring(0.0, 0.0), ring(turn, 1.2)])
 around = [(i, (i + 1) % 3) for i in range(3)]
 cables = around + [(3 + i, 3 + j) for i, j in around] + [(i, 3 + i) for i in range(3)]

@@ -80,13 +80,14 @@ class _Unknowns:
             raise ValueError("parameters = []: must name at least one of stiffness, rest_lengths, damping")
         springs = len(system.pairs)
         self.system = system
-        self.parts: dict[str, tuple[NDArray[np.int64], Floats]] = {}
+        self.parts: dict[str, tuple[NDArray[np.integer], Floats]] = {}
         start, low, size = [], [], []
         count = 0
         for name, kind in wanted.items():
             if name not in _NAMES:
                 raise ValueError(f"parameters = {name!r}: must be stiffness, rest_lengths or damping")
             value = getattr(system, name)
+            groups: NDArray[np.integer]
             if isinstance(kind, str) and kind == "each":
                 groups = np.arange(springs)
             elif isinstance(kind, str) and kind == "common":

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _arrays, _native
+from . import _arrays
 from ._arrays import Floats
 from ._errors import DoubtWarning
 from ._state import State

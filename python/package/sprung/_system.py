@@ -228,10 +228,10 @@ class System:
         2.0
         """
         count = len(self.pairs)
-        given = {"stiffness": stiffness, "rest_lengths": rest_lengths, "damping": damping}
+        given = (("stiffness", stiffness), ("rest_lengths", rest_lengths), ("damping", damping))
         arrays = [
-            own if given[name] is None else _arrays.each(name, given[name], count, "springs", zero=name != "stiffness")
-            for name, own in zip(given, self._springs)
+            own if value is None else _arrays.each(name, value, count, "springs", zero=name != "stiffness")
+            for (name, value), own in zip(given, self._springs)
         ]
         return self._of(self._native.with_springs(*arrays), self._forces)
 
