@@ -100,6 +100,8 @@ pub struct Equilibrium {
     pub stability: Stability,
     /// The last configuration, at rest.
     pub state: State,
+    /// λ, the factor of gravity and loads.
+    pub load: f64,
     /// The largest force left on a free coordinate over the largest force that acts; where next to nothing acts, over what strains by rounding exert,
     /// times 1e11.
     pub residual: f64,
@@ -501,6 +503,7 @@ impl<'s> Search<'s> {
             lowest: self.lowest,
             falling: self.falling,
             work: self.work,
+            load: self.options.load,
             state: self.state,
         })
     }
@@ -553,7 +556,7 @@ impl Equilibrium {
                 "a gradient needs an isolated equilibrium: −K is singular here, or the search did not arrive".into(),
             ));
         }
-        if system.has_spring_law() {
+        if system.has_other_laws() {
             return Err(Error::Unsupported("gradients are those of the built-in spring law".into()));
         }
         let mut matrices = Matrices::new(system)?;
@@ -573,6 +576,9 @@ impl Equilibrium {
         let mut result = Parameters::zeros(system);
         let point = Point { geometry: &geometry, velocities: &at_rest, time: self.state.time };
         result.add_force_adjoint(system, &point, &full);
+        result.masses.iter_mut().for_each(|m| *m *= self.load);
+        result.gravity *= self.load;
+        result.loads.iter_mut().for_each(|f| *f *= self.load);
         add_elastic_differential(system, &geometry, &full, &mut result.positions);
         // Held coordinates move f by their stiffness, and J directly.
         for (p, (total, direct)) in result.positions.iter_mut().zip(positions).enumerate() {

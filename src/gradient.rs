@@ -239,7 +239,7 @@ impl<'s> DifferentiableRun<'s> {
                 return Err(Invalid::new("method", method.name(), rule).into());
             }
         };
-        if system.has_spring_law() || system.external_forces().next().is_some() {
+        if system.has_other_laws() || system.external_forces().next().is_some() {
             return Err(Error::Unsupported(
                 "gradients are those of the built-in spring law and of loads of the scene".into(),
             ));
@@ -349,28 +349,70 @@ impl<'s> DifferentiableRun<'s> {
     /// # Errors
     /// Parameters of another system; a step whose Jacobian is singular.
     pub fn tangent(&self, change: &Parameters) -> Result<[Vec<Vector3<f64>>; 2]> {
+        let mut found = self.tangents(std::slice::from_ref(change), &[self.steps()])?;
+        Ok(found.pop().and_then(|mut states| states.pop()).unwrap_or_default())
+    }
+
+    /// As [`tangent`](Self::tangent), for several changes at once, which share the factorization of every step, and for the states after some steps: for
+    /// each change the positions and velocities after each of the steps.
+    ///
+    /// # Errors
+    /// As of [`tangent`](Self::tangent); a step that there is not, or steps that do not ascend.
+    pub fn tangents(&self, changes: &[Parameters], steps: &[usize]) -> Result<Vec<Vec<[Vec<Vector3<f64>>; 2]>>> {
         let [springs, particles] = [self.system.springs().len(), self.system.particles()];
-        for (name, length) in
-            [("stiffness", &change.stiffness), ("rest_lengths", &change.rest_lengths), ("damping", &change.damping)]
-        {
-            check_length(name, length.len(), springs)?;
+        for change in changes {
+            for (name, length) in
+                [("stiffness", &change.stiffness), ("rest_lengths", &change.rest_lengths), ("damping", &change.damping)]
+            {
+                check_length(name, length.len(), springs)?;
+            }
+            check_length("masses", change.masses.len(), particles)?;
+            for (name, vectors) in
+                [("loads", &change.loads), ("positions", &change.positions), ("velocities", &change.velocities)]
+            {
+                check_length(name, vectors.len(), particles)?;
+            }
         }
-        check_length("masses", change.masses.len(), particles)?;
-        for (name, vectors) in
-            [("loads", &change.loads), ("positions", &change.positions), ("velocities", &change.velocities)]
-        {
-            check_length(name, vectors.len(), particles)?;
+        for (index, &step) in steps.iter().enumerate() {
+            if step > self.steps() || index > 0 && step <= steps[index - 1] {
+                let rule = format!("must ascend, to at most the number of steps, {}", self.steps());
+                return Err(Invalid::new("steps", step, rule).at(index).into());
+            }
         }
-        let mut forward = Forward::new(self, &self.records[0].state)?;
-        let mut tangent = Tangent::new(self, change, &self.records[0])?;
-        let mut before = None;
-        for step in 0..self.steps() {
-            let here = forward.here.clone();
-            forward.step(self, step)?;
-            tangent.step(step, before.as_ref(), &here, &forward.here)?;
-            before = Some(here);
+        let first = &self.records[0];
+        let mut jacobian = Jacobian::new(self.system, &first.state)?;
+        let made = changes.iter().map(|change| Tangent::new(self, change, first, &mut jacobian));
+        let mut tangents = made.collect::<Result<Vec<_>>>()?;
+        let mut found = vec![Vec::with_capacity(steps.len()); changes.len()];
+        let record = |found: &mut Vec<Vec<_>>, tangents: &[Tangent<'_, 's>], step| {
+            if steps.contains(&step) {
+                let states = tangents.iter().map(|tangent| [tangent.positions.clone(), tangent.velocities.clone()]);
+                found.iter_mut().zip(states).for_each(|(found, state)| found.push(state));
+            }
+        };
+        record(&mut found, &tangents, 0);
+        let keeps_all = self.records.len() == self.steps() + 1;
+        let mut forward = if keeps_all { None } else { Some(Forward::new(self, &first.state)?) };
+        for step in 0..steps.last().copied().unwrap_or(0) {
+            let mut earlier = None;
+            let (before, here, next) = match &mut forward {
+                None => (
+                    step.checked_sub(1).map(|before| &self.records[before]),
+                    &self.records[step],
+                    &self.records[step + 1],
+                ),
+                Some(forward) => {
+                    earlier.clone_from(&forward.before);
+                    forward.step(self, step)?;
+                    (earlier.as_ref(), forward.before.as_ref().unwrap_or(first), &forward.here)
+                }
+            };
+            for (number, tangent) in tangents.iter_mut().enumerate() {
+                tangent.step(step, before, [here, next], &mut jacobian, number == 0)?;
+            }
+            record(&mut found, &tangents, step + 1);
         }
-        Ok([tangent.positions, tangent.velocities])
+        Ok(found)
     }
 
     /// The time step of a core, and β of BDF2, where a step begins.
@@ -882,7 +924,6 @@ fn split(count: usize, room: usize) -> usize {
 struct Tangent<'r, 's> {
     run: &'r DifferentiableRun<'s>,
     change: &'r Parameters,
-    jacobian: Jacobian<'s>,
     positions: Vec<Vector3<f64>>,
     velocities: Vec<Vector3<f64>>,
     accelerations: Vec<Vector3<f64>>,
@@ -890,7 +931,12 @@ struct Tangent<'r, 's> {
 }
 
 impl<'r, 's> Tangent<'r, 's> {
-    fn new(run: &'r DifferentiableRun<'s>, change: &'r Parameters, first: &Record) -> Result<Self> {
+    fn new(
+        run: &'r DifferentiableRun<'s>,
+        change: &'r Parameters,
+        first: &Record,
+        jacobian: &mut Jacobian<'s>,
+    ) -> Result<Self> {
         let system = run.system;
         let free = |p: usize, axis: usize| system.dofs().free_axes(p).contains(axis);
         let velocities = change.velocities.iter().enumerate();
@@ -899,7 +945,6 @@ impl<'r, 's> Tangent<'r, 's> {
         let mut tangent = Self {
             run,
             change,
-            jacobian: Jacobian::new(system, &first.state)?,
             before: [change.positions.clone(), velocities.clone()],
             positions: change.positions.clone(),
             accelerations: Vec::new(),
@@ -907,20 +952,20 @@ impl<'r, 's> Tangent<'r, 's> {
         };
         if run.scheme == Scheme::Verlet {
             let (x, v) = (tangent.positions.clone(), tangent.velocities.clone());
-            tangent.accelerations = tangent.acceleration_change(&first.state, &first.acceleration, &x, &v)?;
+            tangent.accelerations = tangent.acceleration_change(&first.state, &first.acceleration, [&x, &v], jacobian)?;
         }
         Ok(tangent)
     }
 
     /// δ(M⁻¹F) for changes of positions, velocities and parameters.
     fn acceleration_change(
-        &mut self,
+        &self,
         at: &State,
         acceleration: &[Vector3<f64>],
-        x: &[Vector3<f64>],
-        v: &[Vector3<f64>],
+        [x, v]: [&[Vector3<f64>]; 2],
+        jacobian: &mut Jacobian<'s>,
     ) -> Result<Vec<Vector3<f64>>> {
-        let Self { run, jacobian, change, .. } = self;
+        let Self { run, change, .. } = self;
         let system = run.system;
         jacobian.geometry.update(system, at)?;
         jacobian.velocities.clone_from(&at.velocities);
@@ -939,7 +984,15 @@ impl<'r, 's> Tangent<'r, 's> {
         Ok(force)
     }
 
-    fn step(&mut self, step: usize, before: Option<&Record>, here: &Record, next: &Record) -> Result<()> {
+    /// One step. The Jacobian is linearised there by the first of several changes.
+    fn step(
+        &mut self,
+        step: usize,
+        before: Option<&Record>,
+        [here, next]: [&Record; 2],
+        jacobian: &mut Jacobian<'s>,
+        is_first: bool,
+    ) -> Result<()> {
         let (system, h) = (self.run.system, self.run.lengths[step]);
         let particles = system.particles();
         let is_free = |p: usize, axis: usize| system.dofs().free_axes(p).contains(axis);
@@ -954,18 +1007,20 @@ impl<'r, 's> Tangent<'r, 's> {
                     v[p][axis] = dv + h * da;
                 }
             }
-            let after = self.acceleration_change(&predicted, &next.acceleration, &x, &v)?;
+            let after = self.acceleration_change(&predicted, &next.acceleration, [&x, &v], jacobian)?;
             for p in 0..particles {
                 self.velocities[p] += (self.accelerations[p] + after[p]) * (0.5 * h);
             }
             (self.positions, self.accelerations) = (x, after);
             return Ok(());
         }
-        let Self { run, jacobian, change, .. } = self;
+        let Self { run, change, .. } = self;
         let [tau, beta] = run.core(step);
         let base = run.base(step, before, &here.state);
         let solved = run.solved(step, &base, &here.state, &next.state);
-        jacobian.set(&solved, tau)?;
+        if is_first {
+            jacobian.set(&solved, tau)?;
+        }
         // Changes of (x̃, ṽ).
         let ahead = |now: &[Vector3<f64>], before: &[Vector3<f64>]| -> Vec<_> {
             now.iter().zip(before).map(|(now, before)| now + (now - before) * beta).collect()

@@ -121,11 +121,14 @@ pub fn mechanisms(system: &System, state: &State) -> Result<Mechanisms> {
         dofs: system.dofs().clone(),
     };
     let count = (d - rank).saturating_sub(rigid.len());
-    if count == 0 {
+    // Very many motions of a large scene are only counted.
+    if count == 0 || motions.is_empty() {
         return Ok(result);
     }
     let beside_rigid = orthonormal(without(&motions, &rigid));
-    result.prestress_stable = directions.prestress_stable(&beside_rigid, &result.self_stress).filter(|_| is_complete);
+    let knows_stresses = result.self_stress.len() == result.self_stresses;
+    let is_stable = directions.prestress_stable(&beside_rigid, knows_stresses.then_some(&result.self_stress));
+    result.prestress_stable = is_stable.filter(|_| is_complete);
     result.motions = localised(&motions, &rigid);
     result.movers = result.motions.iter().map(|motion| movers(system.dofs(), motion)).collect();
     if is_complete {
@@ -264,8 +267,8 @@ impl Directions<'_> {
         })
     }
 
-    /// Whether tensions stiffen all motions of a set.
-    fn prestress_stable(&self, motions: &[Vec<f64>], stresses: &[Vec<f64>]) -> Option<bool> {
+    /// Whether tensions stiffen all motions of a set: those at hand, or else the only state of self-stress, where these states are known.
+    fn prestress_stable(&self, motions: &[Vec<f64>], stresses: Option<&Vec<Vec<f64>>>) -> Option<bool> {
         let tension = |spring: &crate::spring::Spring, at| spring.stiffness * spring.strain(at);
         let tensions: Vec<f64> =
             self.geometry.springs(self.system).map(|((_, _, spring), at)| tension(spring, at)).collect();
@@ -275,7 +278,7 @@ impl Directions<'_> {
         if strained {
             return Some(self.stiffens(&tensions, motions));
         }
-        match stresses {
+        match stresses?.as_slice() {
             [] => Some(false),
             [stress] => Some([1.0, -1.0].iter().any(|sign| {
                 let tensions: Vec<f64> = self.rows().map(|(number, ..)| sign * stress[number]).collect();
@@ -303,7 +306,7 @@ impl Directions<'_> {
                 }
             }
         }
-        form.symmetric_eigenvalues().min() > 1e-9 * scale
+        form.is_empty() || form.symmetric_eigenvalues().min() > 1e-9 * scale
     }
 }
 

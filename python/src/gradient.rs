@@ -5,11 +5,12 @@ use crate::compute::{Flag, compute};
 use crate::error::raised;
 use crate::names;
 use crate::system::System;
-use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyArray3, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use self_cell::self_cell;
 use sprung::gradient::{Cotangent, DifferentiableRun, Parameters};
+use sprung::nalgebra::Vector3;
 use sprung::plan::MethodChoice;
 use std::sync::Arc;
 
@@ -93,6 +94,34 @@ pub fn differentiable_run(
 /// The number of a step, ∂J/∂x and ∂J/∂v.
 type GivenCotangent<'py> = (usize, PyReadonlyArray2<'py, f64>, PyReadonlyArray2<'py, f64>);
 
+/// Changes of stiffness, rest lengths, damping, masses and gravity; of loads, positions and velocities by rows.
+type GivenChange<'py> = (
+    Vec<f64>,
+    Vec<f64>,
+    Vec<f64>,
+    Vec<f64>,
+    Vec<f64>,
+    PyReadonlyArray2<'py, f64>,
+    PyReadonlyArray2<'py, f64>,
+    PyReadonlyArray2<'py, f64>,
+);
+
+fn parameters(given: &GivenChange<'_>) -> Parameters {
+    let (stiffness, rest_lengths, damping, masses, gravity, loads, positions, velocities) = given;
+    let mut vector = Vector3::zeros();
+    vector.iter_mut().zip(gravity).for_each(|(component, &value)| *component = value);
+    Parameters {
+        stiffness: stiffness.clone(),
+        rest_lengths: rest_lengths.clone(),
+        damping: damping.clone(),
+        masses: masses.clone(),
+        gravity: vector,
+        loads: vectors(loads),
+        positions: vectors(positions),
+        velocities: vectors(velocities),
+    }
+}
+
 #[pymethods]
 impl Differentiable {
     /// Times, positions and velocities of the states that are kept, by states, particles and axes flattened to rows.
@@ -122,6 +151,26 @@ impl Differentiable {
             .collect();
         let found = compute(py, &self.flag, || self.kept.borrow_dependent().gradient(&cotangents))?;
         arrays(py, &found.map_err(raised)?, self.kept.borrow_owner().dimension())
+    }
+
+    /// How positions and velocities after some steps change with parameters: by changes, steps, and particles and axes flattened to rows.
+    #[allow(clippy::type_complexity)]
+    fn tangents<'py>(
+        &self,
+        py: Python<'py>,
+        changes: Vec<GivenChange<'py>>,
+        steps: Vec<usize>,
+    ) -> PyResult<(Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<f64>>)> {
+        let system = self.kept.borrow_owner();
+        let changes: Vec<Parameters> = changes.iter().map(parameters).collect();
+        let found = compute(py, &self.flag, || self.kept.borrow_dependent().tangents(&changes, &steps))?;
+        let found = found.map_err(raised)?;
+        let shape = [changes.len(), steps.len(), system.particles() * system.dimension()];
+        let part = |of: usize| {
+            let values = found.iter().flatten().flat_map(|state| flat(&state[of], system.dimension())).collect();
+            shaped(py, values, shape)
+        };
+        Ok((part(0)?, part(1)?))
     }
 
     /// The time from which gradients say little.

@@ -28,11 +28,13 @@ pub fn equilibrium(
     given: Given<'_>,
     load: f64,
     leave_saddles: bool,
+    tolerance: f64,
+    iterations: usize,
 ) -> PyResult<Equilibrium> {
     let state = state(&system.system, &given)?;
     let flag = Flag::new();
     let system = system.bound(py, &flag);
-    let options = EquilibriumOptions { load, leave_saddles, ..EquilibriumOptions::default() };
+    let options = EquilibriumOptions { tolerance, iterations, load, leave_saddles };
     let found = compute(py, &flag, || find_equilibrium(&system, &state, options))?.map_err(raised)?;
     Ok(Equilibrium { system, found })
 }

@@ -20,6 +20,7 @@ negative (semidefinite) where the system is stable.
 
 from ._constraint import Constraint
 from ._errors import Breakdown, DoubtWarning
+from ._fit import Fit, fit
 from ._functions import ExternalForce
 from ._gradient import DifferentiableRun, Gradient
 from ._inspect import Inspection, inspect
@@ -43,6 +44,7 @@ __all__ = [
     "Equilibrium",
     "ExternalForce",
     "Factor",
+    "Fit",
     "Gradient",
     "Inspection",
     "JacobianCheck",
@@ -58,6 +60,7 @@ __all__ = [
     "__version__",
     "check_jacobian",
     "equilibrium",
+    "fit",
     "inspect",
     "mechanisms",
     "modes",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _arrays, _native
+from . import _arrays
 from ._arrays import Floats
 from ._errors import DoubtWarning
 from ._state import State
@@ -88,8 +88,7 @@ class DifferentiableRun:
         records : sequence of (step, positions, velocities), optional
             The same for states on the way, by the number of the step; ``None`` for zero.
         check : bool
-            Whether to warn where the motion magnifies differences so much that the gradient means nothing; it takes
-            one more run.
+            Whether to warn where the motion magnifies errors so much that the gradient means nothing; it takes one more run.
 
         Warns
         -----
@@ -113,9 +112,74 @@ class DifferentiableRun:
         found = Gradient(self._native.gradient(given))
         until = self._native.predictable_until() if check else None
         if until is not None:
-            message = f"the motion magnifies differences to its own size from t = {until:.6g} s on: beyond, gradients mean nothing"
+            message = (
+                f"from t = {until:.6g} s on errors are as large as the motion itself: "
+                "gradients of later states are exact for the computed numbers, but say nothing about the scene"
+            )
             warnings.warn(message, DoubtWarning, stacklevel=2)
         return found
+
+    def tangent(
+        self,
+        *,
+        stiffness: ArrayLike | None = None,
+        rest_lengths: ArrayLike | None = None,
+        damping: ArrayLike | None = None,
+        masses: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        loads: ArrayLike | None = None,
+        positions: ArrayLike | None = None,
+        velocities: ArrayLike | None = None,
+        steps: Sequence[int] | None = None,
+    ) -> tuple[Floats, Floats]:
+        """How the motion changes, to first order, when parameters change: forward differentiation.
+
+        One tangent gives the derivatives of all outputs along one change. One gradient gives those of one output by all parameters.
+
+        Parameters
+        ----------
+        stiffness, rest_lengths, damping, masses, gravity, loads, positions, velocities : array_like, optional
+            The change of each parameter, in the shape of :class:`Gradient`; zero where absent.
+        steps : sequence of int, optional
+            Numbers of steps, ascending; by default the last one.
+
+        Returns
+        -------
+        positions, velocities : ndarray, shape (steps, particles, dimension)
+            The changes of the states after these steps.
+        """
+        given = {
+            "stiffness": stiffness,
+            "rest_lengths": rest_lengths,
+            "damping": damping,
+            "masses": masses,
+            "gravity": gravity,
+            "loads": loads,
+            "positions": positions,
+            "velocities": velocities,
+        }
+        change = []
+        for (name, value), shape in zip(given.items(), self._shapes()):
+            array = np.zeros(shape) if value is None else _arrays.real(name, value)
+            if array.shape != shape:
+                raise ValueError(f"{name} = an array of shape {array.shape}: must have shape {shape}")
+            change.append(array)
+        found = self._tangents([tuple(change)], [self.steps] if steps is None else steps)
+        return found[0][0], found[1][0]
+
+    def _shapes(self) -> list[tuple[int, ...]]:
+        springs, particles, width = len(self.system.pairs), len(self.system.masses), self.system.dimension
+        return [*3 * [(springs,)], (particles,), (width,), *3 * [(particles, width)]]
+
+    def _tangents(self, changes: list[tuple[Floats, ...]], steps: Sequence[int]) -> tuple[Floats, Floats]:
+        """By changes, steps, particles and axes."""
+        numbers = [int(step) for step in _arrays.integers("steps", np.asarray(steps))]
+        if any(not 0 <= step <= self.steps for step in numbers) or any(a >= b for a, b in zip(numbers, numbers[1:])):
+            raise ValueError(f"steps = {numbers}: must ascend, from 0 to at most {self.steps}")
+        flat = [(*(list(part) for part in change[:5]), *map(np.ascontiguousarray, change[5:])) for change in changes]
+        positions, velocities = self._native.tangents(flat, numbers)
+        shape = (len(changes), len(numbers), len(self.system.masses), self.system.dimension)
+        return positions.reshape(shape), velocities.reshape(shape)
 
     def __repr__(self) -> str:
         return f"<DifferentiableRun of {self.steps} steps to t = {self.state.time:.6g} s>"

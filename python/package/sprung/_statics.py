@@ -64,7 +64,15 @@ class Equilibrium:
         return f"<Equilibrium: {self.status}, residual {self.residual:.1e}>"
 
 
-def equilibrium(system: System, state: State | None = None, *, load: float = 1.0, leave_saddles: bool = True) -> Equilibrium:
+def equilibrium(
+    system: System,
+    state: State | None = None,
+    *,
+    load: float = 1.0,
+    leave_saddles: bool = True,
+    tolerance: float = 1e-10,
+    iterations: int = 2000,
+) -> Equilibrium:
     """The static equilibrium downhill from a state: a minimum of the energy.
 
     Parameters
@@ -76,6 +84,10 @@ def equilibrium(system: System, state: State | None = None, *, load: float = 1.0
         A factor of gravity and loads.
     leave_saddles : bool
         Whether to go on from a saddle of the energy, along the direction down.
+    tolerance : float
+        The largest force left over the largest force acting, at most.
+    iterations : int
+        Steps of Newton's method at most.
 
     Examples
     --------
@@ -85,7 +97,12 @@ def equilibrium(system: System, state: State | None = None, *, load: float = 1.0
     'stable'
     """
     load = _arrays.number("load", load)
-    return Equilibrium(system, _native.equilibrium(system._native, system._given(state), load, bool(leave_saddles)))
+    tolerance = _arrays.positive("tolerance", tolerance)
+    if isinstance(iterations, bool) or not isinstance(iterations, (int, np.integer)) or iterations < 1:
+        raise ValueError(f"iterations = {iterations!r}: must be a positive integer")
+    given = system._given(state)
+    found = _native.equilibrium(system._native, given, load, bool(leave_saddles), tolerance, int(iterations))
+    return Equilibrium(system, found)
 
 
 class Modes:
@@ -136,9 +153,28 @@ class Modes:
         return a, b, c, np.zeros((c.shape[0], b.shape[1]))
 
     def harmonic_response(self, force: ArrayLike, frequencies: ArrayLike) -> np.ndarray[Any, np.dtype[np.complex128]]:
-        """Complex amplitudes of the displacements that a harmonic force drives, a row for each frequency in Hz."""
+        """Complex amplitudes of the displacements that a harmonic force drives.
+
+        Parameters
+        ----------
+        force : array_like, shape (rows,)
+            Amplitudes on the free coordinates, in N; ``system.gather`` makes them from an array of all particles.
+        frequencies : float or array_like
+            In Hz.
+
+        Returns
+        -------
+        ndarray of complex, shape (frequencies, rows)
+            In m; of the modes found.
+        """
         given = np.atleast_1d(_arrays.real("frequencies", frequencies))
-        real, imaginary = self._native.harmonic_response(list(_arrays.real("force", force)), list(given))
+        rows = len(self.system.dofs)
+        loads = _arrays.real("force", force)
+        if given.ndim != 1:
+            raise ValueError(f"frequencies = an array of shape {given.shape}: must be one number or a list")
+        if loads.shape != (rows,):
+            raise ValueError(f"force = an array of shape {loads.shape}: must have the {rows} free coordinates")
+        real, imaginary = self._native.harmonic_response(loads.tolist(), given.tolist())
         return real + 1j * imaginary
 
     def __len__(self) -> int:
@@ -183,19 +219,20 @@ class Mechanisms:
     self_stresses : int
         ``springs - rank``.
     gap : tuple
-        The smallest singular value that counts as not zero, and the largest that does.
+        The smallest singular value that counts as not zero, and the largest that does; NaN where there is none, or where it was only
+        counted.
     decided : bool
         Whether rounding leaves no singular value open.
     prestress_stable : bool or None
-        Whether prestress stiffens all mechanisms beside rigid motions.
+        Whether prestress stiffens all mechanisms beside rigid motions; ``None`` without such mechanisms, or where this was not decided.
     movers : list of list of int
         The particles that move in each of ``motions``.
     added_springs : list of (int, int)
         Pairs of particles between which springs remove the mechanisms.
     motions : ndarray, shape (found, particles, dimension)
-        A basis of the mechanisms beside rigid motions.
+        A basis of the mechanisms beside rigid motions; of large systems with more than a hundred they are only counted.
     self_stress : ndarray, shape (found, springs)
-        A basis of the states of self-stress.
+        A basis of the states of self-stress; empty for large systems, where they are only counted.
     """
 
     def __init__(self, handed: tuple[str, Floats, Floats]) -> None:
@@ -224,6 +261,6 @@ def mechanisms(system: System, state: State | None = None) -> Mechanisms:
     --------
     >>> import sprung
     >>> sprung.mechanisms(sprung.System.ready("pendulum")).mechanisms
-    2
+    1
     """
     return Mechanisms(_native.mechanisms(system._native, system._given(state)))

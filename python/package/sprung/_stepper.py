@@ -146,6 +146,8 @@ class Stepper:
         ------
         Breakdown
             If the run breaks down; ``result`` contains the motion before, and the stepper has the last good state.
+        ValueError
+            For wrong arguments; with ``differentiable`` also for methods and systems without a gradient, and for a step that breaks down.
         KeyboardInterrupt
             On Ctrl-C; the stepper then has the state of the last step, or with ``accuracy`` its previous one.
 
