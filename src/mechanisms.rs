@@ -19,9 +19,13 @@ use crate::eigen::{Accuracy, End, Pencil, ShiftInvert};
 use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
 use crate::linear::{Ldlt, dot, norm};
+use crate::memory;
 use crate::rigid::rigid_motions;
 use crate::system::{DofMap, State, System};
 use crate::work::Work;
+use faer::diag::Diag;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::svd::{self, ComputeSvdVectors};
 use faer::{Mat, Par};
 use nalgebra::{DMatrix, SymmetricEigen, Vector3};
 use std::sync::Arc;
@@ -201,10 +205,23 @@ impl Directions<'_> {
                 is_complete: true,
             });
         }
-        let svd = b.svd().map_err(|_| {
-            Error::Unsupported("the singular values of the springs' directions did not converge".into())
-        })?;
-        let values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
+        // Sequential: the bits must not depend on the number of threads.
+        let full = ComputeSvdVectors::Full;
+        let scratch = svd::svd_scratch::<f64>(s, d, full, full, Par::Seq, Default::default());
+        memory::ensure(scratch.unaligned_bytes_required() as u64, "the singular value decomposition")?;
+        let (mut u, mut v) = (Mat::<f64>::zeros(s, s), Mat::<f64>::zeros(d, d));
+        let mut diagonal = Diag::<f64>::zeros(s.min(d));
+        svd::svd(
+            b.as_ref(),
+            diagonal.as_mut(),
+            Some(u.as_mut()),
+            Some(v.as_mut()),
+            Par::Seq,
+            MemStack::new(&mut MemBuffer::new(scratch)),
+            Default::default(),
+        )
+        .map_err(|_| Error::Unsupported("the singular values of the springs' directions did not converge".into()))?;
+        let values: Vec<f64> = diagonal.column_vector().iter().copied().collect();
         let rounding = f64::EPSILON * d.max(s) as f64;
         let largest = values.first().copied().unwrap_or(0.0);
         let rank = values.iter().filter(|value| **value > largest * (rounding * KEPT).sqrt()).count();
@@ -212,7 +229,14 @@ impl Directions<'_> {
         let decided = rank == 0 || gap[0] >= KEPT * largest && !(gap[1] > 10.0 * rounding * largest);
         let columns =
             |u: faer::MatRef<'_, f64>| (rank..u.ncols()).map(|k| u.col(k).iter().copied().collect()).collect();
-        Ok(NullSpaces { rank, gap, decided, motions: columns(svd.V()), stresses: columns(svd.U()), is_complete: true })
+        Ok(NullSpaces {
+            rank,
+            gap,
+            decided,
+            motions: columns(v.as_ref()),
+            stresses: columns(u.as_ref()),
+            is_complete: true,
+        })
     }
 
     /// By the inertia of `BᵀB` and inverse iteration.

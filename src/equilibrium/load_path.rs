@@ -6,6 +6,8 @@
 //! - `uᵀp = 0`, a bifurcation: another branch of equilibria leaves the path, as where a column buckles;
 //! - `uᵀp ≠ 0`, a limit point: the path turns back, and at a higher load the next equilibrium is far away, as where a shallow arch snaps through.
 //!
+//! Where motions are free, as those of a slack net without a load, there is no path. It begins under the first load that gives them a direction.
+//!
 //! Behind a limit point the inertia may be what it was before. It is found by the distance between neighbours on the path, which does not shrink there.
 //!
 //! **Linear buckling** estimates the first critical load from a small one: the smallest λ at which `K_a + λ K_g` is singular, K_a the axial stiffness at
@@ -68,8 +70,8 @@ const CRITICAL: usize = 20;
 /// Residual of the equilibria: well below LOCATED, so that none is found beyond a limit point by what its force leaves over.
 const TOLERANCE: f64 = 1e-12;
 
-/// Newton steps at most between neighbours on the path.
-const NEAR: usize = 200;
+/// A jump is longer than this part of all coordinates together.
+const SMALL_JUMP: f64 = 1e-4;
 
 /// A step this many times longer than the tangent says may have jumped.
 const JUMP: f64 = 3.0;
@@ -94,6 +96,11 @@ pub fn load_path(system: &System, state: &State, count: usize) -> Result<LoadPat
                 return Ok(result);
             }
             let to = path.at(target, &from.state)?;
+            // Motions that were free have a direction now: what hangs has fallen, and no equilibrium led there.
+            if to.inertia.zero < from.inertia.zero {
+                result.steps.push((target, to));
+                break;
+            }
             let Some((critical, beyond, after)) = path.critical(&from, factor, &to, target)? else {
                 result.steps.push((target, to));
                 break;
@@ -119,6 +126,10 @@ fn reduced_load(system: &System, state: &State) -> Vec<f64> {
     load
 }
 
+fn size(found: &Equilibrium) -> f64 {
+    found.state.positions.iter().map(|x| x.norm_squared()).sum::<f64>().sqrt()
+}
+
 struct Path<'s> {
     system: &'s System,
     load: Vec<f64>,
@@ -128,12 +139,6 @@ impl Path<'_> {
     fn at(&self, load: f64, from: &State) -> Result<Equilibrium> {
         let options =
             EquilibriumOptions { load, tolerance: TOLERANCE, leave_saddles: false, ..EquilibriumOptions::default() };
-        equilibrium(self.system, from, options)
-    }
-
-    /// As `at`, between neighbours on the path: one that is far counts as beyond.
-    fn between(&self, load: f64, from: &State) -> Result<Equilibrium> {
-        let options = EquilibriumOptions { load, tolerance: TOLERANCE, iterations: NEAR, leave_saddles: false };
         equilibrium(self.system, from, options)
     }
 
@@ -154,14 +159,23 @@ impl Path<'_> {
         Ok(matrices.k().scaled(-1.0))
     }
 
-    /// Whether a step is much longer than the tangent of the path, so that it may have left it.
+    /// Whether a step is much longer than the tangents of the path at its ends say, so that it may have left the path. Near a limit point the tangent is long
+    /// before the jump and short behind it.
     fn may_have_jumped(&self, from: &Equilibrium, to: &Equilibrium, change: f64) -> Result<bool> {
         if to.stability == Stability::NotConverged {
             return Ok(true);
         }
-        let a = self.stiffness(&from.state, Stiffness::Full)?;
-        let tangent = a.ldlt().ok().and_then(|mut factored| factored.solve(&self.load).ok());
-        Ok(tangent.is_none_or(|tangent| self.distance(from, to) > JUMP * change * norm(&tangent)))
+        let distance = self.distance(from, to);
+        if distance <= SMALL_JUMP * size(from) {
+            return Ok(false);
+        }
+        let mut shortest = f64::INFINITY;
+        for end in [from, to] {
+            let a = self.stiffness(&end.state, Stiffness::Full)?;
+            let tangent = a.ldlt().ok().and_then(|mut factored| factored.solve(&self.load).ok());
+            shortest = shortest.min(tangent.map_or(0.0, |tangent| norm(&tangent)));
+        }
+        Ok(distance > JUMP * change * shortest)
     }
 
     /// The first critical load between two equilibria, with the first factor beyond it and the equilibrium there.
@@ -179,19 +193,16 @@ impl Path<'_> {
         let (mut low, mut high) = ((factor, from.clone()), (target, to.clone()));
         while high.0 - low.0 > LOCATED {
             let middle = 0.5 * (low.0 + high.0);
-            let found = self.between(middle, &low.1.state)?;
-            let jump = self.distance(&low.1, &high.1);
-            let is_beyond = found.stability == Stability::NotConverged
-                || changes(&low.1, &found)
-                || self.distance(&low.1, &found) > 0.5 * jump && !changes(&low.1, &high.1);
+            let found = self.at(middle, &low.1.state)?;
+            let is_beyond = changes(&low.1, &found) || self.may_have_jumped(&low.1, &found, middle - low.0)?;
             if is_beyond {
                 high = (middle, found);
             } else {
                 low = (middle, found);
             }
         }
-        let size = low.1.state.positions.iter().map(|x| x.norm_squared()).sum::<f64>().sqrt();
-        let jumped = high.1.stability == Stability::NotConverged || self.distance(&low.1, &high.1) > 1e-4 * size;
+        let jumped =
+            high.1.stability == Stability::NotConverged || self.distance(&low.1, &high.1) > SMALL_JUMP * size(&low.1);
         if !jumped && !changes(&low.1, &high.1) {
             return Ok(None);
         }

@@ -272,6 +272,24 @@ fn searches_do_not_creep_beyond_a_limit_point() {
     assert_eq!((*factor, last.stability, path.critical.len()), (1.0, Stability::Stable, 1));
 }
 
+/// A slack chain has no state without a load, and what happens there is no critical load.
+#[test]
+fn a_path_of_a_slack_chain_begins_with_its_load() {
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    builder.gravity(0.0, -9.81, 0.0);
+    for x in [0.0, 1.0, 2.0, 3.0] {
+        builder.particle([x, 0.0, 0.0], 1.0);
+    }
+    for p in 0..3 {
+        builder.spring(p, p + 1, spring(100.0, 1.0));
+    }
+    builder.hold(0).hold(3);
+    let (system, state) = builder.build().unwrap();
+    let path = load_path(&system, &state, 4).unwrap();
+    assert!(path.steps[0].1.inertia.zero > 0 && path.critical.is_empty(), "{:?}", path.critical);
+    assert_eq!((path.steps.len(), path.steps[4].1.stability), (5, Stability::Stable));
+}
+
 /// A column of two bars braced by a spring across buckles sideways where the brace is too soft, 2P/l = κ: a bifurcation, which linear buckling
 /// estimates well.
 #[test]
