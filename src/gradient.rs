@@ -952,7 +952,8 @@ impl<'r, 's> Tangent<'r, 's> {
         };
         if run.scheme == Scheme::Verlet {
             let (x, v) = (tangent.positions.clone(), tangent.velocities.clone());
-            tangent.accelerations = tangent.acceleration_change(&first.state, &first.acceleration, [&x, &v], jacobian)?;
+            tangent.accelerations =
+                tangent.acceleration_change(&first.state, &first.acceleration, [&x, &v], jacobian)?;
         }
         Ok(tangent)
     }

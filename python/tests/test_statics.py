@@ -301,7 +301,7 @@ def test_mechanisms_of_a_tensegrity_prism():
 
 
 def test_many_mechanisms_of_a_large_system_are_counted():
-    system = sprung.System.ready("cloth", 20)
+    system = sprung.System.ready("cloth", 16)
     found = sprung.mechanisms(system)
     first, second = system.pairs.T.astype(int)
     x = system.initial_state().positions
@@ -309,9 +309,10 @@ def test_many_mechanisms_of_a_large_system_are_counted():
     directions = np.zeros((len(first), *x.shape))
     directions[np.arange(len(first)), first], directions[np.arange(len(first)), second] = normals, -normals
     free = directions[:, system.dofs[:, 0], system.dofs[:, 1]]
-    assert found.rank == np.linalg.matrix_rank(free @ free.T if len(free) < free.shape[1] else free.T @ free, tol=1e-9)
+    squares = np.linalg.eigvalsh(free.T @ free)
+    assert found.rank == np.count_nonzero(squares > 1e-10 * squares[-1])
     assert found.mechanisms == len(system.dofs) - found.rank > 100 and found.decided
-    assert found.motions.shape == (0, 400, 3) and found.self_stress.shape == (0, len(first)) and found.prestress_stable is None
+    assert found.motions.shape == (0, 256, 3) and found.self_stress.shape == (0, len(first)) and found.prestress_stable is None
 
 
 def test_states_of_another_system():

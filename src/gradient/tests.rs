@@ -125,6 +125,7 @@ fn remainders_are_of_second_order() {
 /// ⟨cotangent, tangent⟩ = ⟨gradient, change⟩ to rounding, for every kind of parameter by itself.
 #[test]
 fn tangents_and_adjoints_agree() {
+    let product = |a: &[Vector3<f64>], b: &[Vector3<f64>]| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
     for method in METHODS {
         let net = Net::new(4, method != Method::Verlet, 3.0);
         let (system, state) = net.build(0.0);
@@ -145,11 +146,27 @@ fn tangents_and_adjoints_agree() {
         ];
         for (kind, change) in kinds.iter().enumerate() {
             let [x, v] = run.tangent(change).unwrap();
-            let product = |a: &[Vector3<f64>], b: &[Vector3<f64>]| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
             let forward = product(&end.positions, &x) + product(&end.velocities, &v);
             let backward = gradient.dot(change);
             let scale = forward.abs().max(1e-3);
             assert!((forward - backward).abs() < 1e-12 * scale, "{} {kind}: {forward} {backward}", method.name());
+        }
+        // All changes at once, after a step on the way too, and with few states kept.
+        let middle = cotangents(&run, 8).swap_remove(1);
+        let gradient = run.gradient(std::slice::from_ref(&middle)).unwrap();
+        let steps = [middle.step, run.steps()];
+        let found = run.tangents(&kinds, &steps).unwrap();
+        let few = DifferentiableRun::with_checkpoints(&system, &state, method, 0.02, 0.15, 3).unwrap();
+        assert_eq!(few.tangents(&kinds, &steps).unwrap(), found, "{}", method.name());
+        for (change, states) in kinds.iter().zip(&found) {
+            let [x, v] = &states[0];
+            let forward = product(&middle.positions, x) + product(&middle.velocities, v);
+            let error = (forward - gradient.dot(change)).abs();
+            assert!(error < 1e-12 * forward.abs().max(1e-3), "{}: {forward} {error}", method.name());
+            assert_eq!(states[1], run.tangent(change).unwrap(), "{}", method.name());
+        }
+        for wrong in [[2, 1], [1, 1], [0, 99]] {
+            assert!(run.tangents(&kinds, &wrong).is_err());
         }
     }
 }

@@ -259,6 +259,12 @@ def fit(
     ValueError
         For wrong arguments, and where the first run or equilibrium fails.
 
+    Notes
+    -----
+    A Jacobian costs one linear solve a step for each unknown, by tangents, or for each measured coordinate, by gradients, whichever are
+    fewer; of an equilibrium one gradient for each measured coordinate. The search finds the nearest minimum: the motion of many periods
+    has many.
+
     Examples
     --------
     >>> import numpy as np
