@@ -226,7 +226,7 @@ impl Directions<'_> {
         let largest = values.first().copied().unwrap_or(0.0);
         let rank = values.iter().filter(|value| **value > largest * (rounding * KEPT).sqrt()).count();
         let gap = [rank.checked_sub(1).map_or(f64::NAN, |k| values[k]), values.get(rank).copied().unwrap_or(f64::NAN)];
-        let decided = rank == 0 || gap[0] >= KEPT * largest && !(gap[1] > 10.0 * rounding * largest);
+        let decided = rank == 0 || gap[0] >= KEPT * largest && (gap[1].is_nan() || gap[1] <= 10.0 * rounding * largest);
         let columns =
             |u: faer::MatRef<'_, f64>| (rank..u.ncols()).map(|k| u.col(k).iter().copied().collect()).collect();
         Ok(NullSpaces {
@@ -277,7 +277,8 @@ impl Directions<'_> {
                 sizes.iter().enumerate().filter(move |(k, _)| (*k >= found) == kept).map(|(_, size)| *size)
             };
             gap = [of(true).reduce(f64::min).unwrap_or(f64::NAN), of(false).reduce(f64::max).unwrap_or(f64::NAN)];
-            decided = complete && (found == d || gap[0] >= KEPT * largest) && !(gap[1] > 1e-10 * largest);
+            decided =
+                complete && (found == d || gap[0] >= KEPT * largest) && (gap[1].is_nan() || gap[1] <= 1e-10 * largest);
             motions = pairs.into_iter().take(found).map(|pair| pair.vector).collect();
         }
         let is_complete = motions.len() == found;

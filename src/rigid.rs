@@ -89,6 +89,7 @@ impl Body {
         for &p in &members {
             let at: Vec<Vector3<f64>> = motions.iter().map(|motion| motion(p)).collect();
             let axes = system.dofs().free_axes(p);
+            #[expect(clippy::needless_range_loop, reason = "an axis is an index of several vectors")]
             for axis in 0..dimension {
                 let (form, weight) = match axes.contains(axis) {
                     true => (&mut free, system.masses()[p]),

@@ -1,4 +1,5 @@
 use super::*;
+use crate::linear::norm;
 use crate::spring::Spring;
 use crate::system::{Constraint, Loads, Motion, SystemBuilder};
 use rand::rngs::Xoshiro256PlusPlus;
