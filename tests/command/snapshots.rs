@@ -262,7 +262,10 @@ fn files() {
     for command in ["equilibrium", "modes", "mechanisms"] {
         let more: &[&str] = if command == "equilibrium" { &["--load-path", "10"] } else { &[] };
         let answer = sandbox.sprung(&[&[command, "truss.toml", "--out", "statics"], more].concat()).ends_with(0);
-        assert_is(command, &rounded(&answer.stdout));
+        // Work and what rounding leaves differ between processors.
+        let kept = |line: &&str| !["work", "largest force left"].iter().any(|word| line.trim_start().starts_with(word));
+        let said: Vec<&str> = answer.stdout.lines().filter(kept).collect();
+        assert_is(command, &rounded(&said.join("\n")));
         let name = format!("{command}.json");
         assert_is(&format!("keys-{name}"), &structure(&sandbox.json(&format!("statics/{name}"))));
     }

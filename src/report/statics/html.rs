@@ -70,19 +70,22 @@ pub fn mode_motions(scene: &str, at: &str, system: &System, found: &Modes) -> Mo
 /// Mechanisms besides rigid motions.
 pub fn mechanism_motions(scene: &str, found: &Mechanisms) -> Motions {
     let motion = |(k, (vector, movers)): (usize, (&Vec<f64>, &Vec<usize>))| Motion {
-        name: format!("{}", k + 1),
+        name: format!("motion {}", k + 1),
         cells: vec![movers.len().to_string(), ranges(movers)],
         remark: format!("moves {}", count(movers.len(), "particle")),
         shape: found.shape(vector),
     };
     let motions = found.motions.iter().zip(&found.movers).enumerate().map(motion).collect();
     let others = found.mechanisms.saturating_sub(found.rigid_motions);
-    let mut facts = vec![format!(
-        "{} that stretch no spring, beside {}; {}.",
-        count(others, "motion"),
-        count(found.rigid_motions, "rigid motion"),
-        self_stresses(found)
-    )];
+    let mut facts = vec![
+        format!(
+            "{} beside {}; {}.",
+            count(others, "mechanism"),
+            count(found.rigid_motions, "rigid motion"),
+            self_stresses(found)
+        ),
+        "Small motions stretch no spring. Drawn large they are straight, and stretch springs that turn.".into(),
+    ];
     match found.prestress_stable {
         Some(true) => facts.push("Prestress stiffens all of them.".into()),
         Some(false) => facts.push("Prestress does not stiffen all of them.".into()),
