@@ -149,6 +149,9 @@ pub struct Cotangent {
     pub velocities: Vec<Vector3<f64>>,
 }
 
+/// Changes of positions and velocities.
+pub type StateChange = [Vec<Vector3<f64>>; 2];
+
 /// A run whose end, and whatever was on the way, can be differentiated.
 ///
 /// # Examples
@@ -348,7 +351,7 @@ impl<'s> DifferentiableRun<'s> {
     ///
     /// # Errors
     /// Parameters of another system; a step whose Jacobian is singular.
-    pub fn tangent(&self, change: &Parameters) -> Result<[Vec<Vector3<f64>>; 2]> {
+    pub fn tangent(&self, change: &Parameters) -> Result<StateChange> {
         let mut found = self.tangents(std::slice::from_ref(change), &[self.steps()])?;
         Ok(found.pop().and_then(|mut states| states.pop()).unwrap_or_default())
     }
@@ -358,7 +361,7 @@ impl<'s> DifferentiableRun<'s> {
     ///
     /// # Errors
     /// As of [`tangent`](Self::tangent); a step that there is not, or steps that do not ascend.
-    pub fn tangents(&self, changes: &[Parameters], steps: &[usize]) -> Result<Vec<Vec<[Vec<Vector3<f64>>; 2]>>> {
+    pub fn tangents(&self, changes: &[Parameters], steps: &[usize]) -> Result<Vec<Vec<StateChange>>> {
         let [springs, particles] = [self.system.springs().len(), self.system.particles()];
         for change in changes {
             for (name, length) in
