@@ -41,9 +41,6 @@ use crate::simulation::Simulation;
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
-/// Changes of positions and of velocities.
-pub type Change = [Vec<Vector3<f64>>; 2];
-
 /// Derivatives of a cost by the state after a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cotangent {
@@ -54,6 +51,9 @@ pub struct Cotangent {
     /// ∂J/∂v.
     pub velocities: Vec<Vector3<f64>>,
 }
+
+/// Changes of positions and velocities.
+pub type StateChange = [Vec<Vector3<f64>>; 2];
 
 /// A run whose end, and whatever was on the way, can be differentiated.
 ///
@@ -254,7 +254,7 @@ impl<'s> DifferentiableRun<'s> {
     ///
     /// # Errors
     /// Parameters of another system; a step whose Jacobian is singular.
-    pub fn tangent(&self, change: &Parameters) -> Result<Change> {
+    pub fn tangent(&self, change: &Parameters) -> Result<StateChange> {
         let mut found = self.tangents(std::slice::from_ref(change), &[self.steps()])?;
         Ok(found.pop().and_then(|mut states| states.pop()).unwrap_or_default())
     }
@@ -264,7 +264,7 @@ impl<'s> DifferentiableRun<'s> {
     ///
     /// # Errors
     /// As of [`tangent`](Self::tangent); a step that there is not, or steps that do not ascend.
-    pub fn tangents(&self, changes: &[Parameters], steps: &[usize]) -> Result<Vec<Vec<Change>>> {
+    pub fn tangents(&self, changes: &[Parameters], steps: &[usize]) -> Result<Vec<Vec<StateChange>>> {
         let [springs, particles] = [self.system.springs().len(), self.system.particles()];
         for change in changes {
             for (name, length) in
