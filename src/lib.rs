@@ -53,6 +53,10 @@
 //! | [`accuracy`] | runs to a required accuracy |
 //! | [`plan`] | default method, steps and solver of a run |
 //! | [`simulation`] | the entry point for runs |
+//! | [`modes`] | normal modes, counted |
+//! | [`mechanisms`] | motions that stretch no spring, and states of self-stress |
+//! | [`gradient`] | gradients through motions |
+//! | [`equilibrium`] | static equilibrium, load paths, and gradients there |
 //! | [`verify`] | the verification suite: checks as data, each with value, bound and the reason for the bound |
 //! | [`chart`] | work–precision diagrams and stability maps |
 //! | [`report`] | checks and pictures as HTML, SVG, JSON, JUnit and text |
@@ -74,14 +78,18 @@ pub mod assembly;
 #[cfg(feature = "report")]
 pub mod chart;
 pub mod eigen;
+pub mod equilibrium;
 pub mod error;
 pub mod figure;
 pub mod force;
+pub mod gradient;
 pub mod inspect;
 pub mod integrate;
 pub mod interrupt;
 pub mod linear;
+pub mod mechanisms;
 pub mod memory;
+pub mod modes;
 pub mod multigrid;
 pub mod operator;
 #[cfg(feature = "report")]
@@ -91,6 +99,7 @@ pub mod plan;
 mod registers;
 #[cfg(feature = "report")]
 pub mod report;
+mod rigid;
 #[cfg(feature = "scene")]
 pub mod scene;
 pub mod simulation;

@@ -10,6 +10,7 @@ mod compute;
 mod error;
 mod factor;
 mod functions;
+mod gradient;
 mod inspect;
 mod jacobian;
 mod matrices;
@@ -17,6 +18,7 @@ mod names;
 mod operator;
 mod recorded;
 mod run;
+mod statics;
 mod stepper;
 mod system;
 mod task;
@@ -35,6 +37,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<operator::Operator>()?;
     module.add_class::<stepper::Stepper>()?;
     module.add_class::<inspect::Inspection>()?;
+    module.add_class::<statics::Equilibrium>()?;
+    module.add_class::<statics::Modes>()?;
+    module.add_class::<gradient::Differentiable>()?;
     module.add_function(wrap_pyfunction!(names::choices, module)?)?;
     module.add_function(wrap_pyfunction!(matrices::assemble, module)?)?;
     module.add_function(wrap_pyfunction!(factor::factor, module)?)?;
@@ -43,6 +48,10 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(inspect::inspect, module)?)?;
     module.add_function(wrap_pyfunction!(jacobian::check_jacobian, module)?)?;
     module.add_function(wrap_pyfunction!(verify::verify, module)?)?;
+    module.add_function(wrap_pyfunction!(statics::equilibrium, module)?)?;
+    module.add_function(wrap_pyfunction!(statics::modes, module)?)?;
+    module.add_function(wrap_pyfunction!(statics::mechanisms, module)?)?;
+    module.add_function(wrap_pyfunction!(gradient::differentiable_run, module)?)?;
     module.add_function(wrap_pyfunction!(view::view, module)?)?;
     Ok(())
 }

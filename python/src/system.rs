@@ -161,6 +161,23 @@ impl System {
         }
     }
 
+    /// The same system with other parameters for its springs.
+    fn with_springs(
+        &self,
+        py: Python<'_>,
+        stiffness: PyReadonlyArray1<'_, f64>,
+        rest_lengths: PyReadonlyArray1<'_, f64>,
+        damping: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Self> {
+        let (stiffness, rest_lengths, damping) = (stiffness.as_array(), rest_lengths.as_array(), damping.as_array());
+        let parameters = stiffness.into_iter().zip(rest_lengths).zip(damping);
+        let springs = parameters
+            .map(|((&stiffness, &rest_length), &damping)| Spring { stiffness, rest_length, damping })
+            .collect();
+        let system = Arc::new(self.system.with_springs(springs).map_err(of_argument)?);
+        Ok(Self { system, ..self.with_functions(py, Vec::new(), None) })
+    }
+
     fn __traverse__(&self, visit: PyVisit<'_>) -> Result<(), PyTraverseError> {
         self.functions.traverse(&visit)
     }

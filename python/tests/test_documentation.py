@@ -140,7 +140,7 @@ def test_the_native_types_are_those_of_the_native_half():
 @pytest.mark.skipif(os.environ.get("PYTHONMALLOC") == "debug", reason="this is that run")
 def test_memory_is_used_in_order():
     """The other tests again, with an allocator that finds what is written outside of memory or after it was freed."""
-    tests = [Path(__file__).with_name(f"test_{name}.py") for name in ("system", "matrices", "runs", "checks", "lifetime")]
+    tests = [Path(__file__).with_name(f"test_{name}.py") for name in ("system", "matrices", "runs", "checks", "statics", "gradient", "lifetime")]
     command = [sys.executable, "-X", "dev", "-m", "pytest", "-q", "-p", "no:cacheprovider", "-x", "-k", "not thousand"]
     environment = {**os.environ, "PYTHONMALLOC": "debug"}
     done = subprocess.run([*command, *map(str, tests)], env=environment, capture_output=True, text=True, timeout=600)

@@ -271,3 +271,24 @@ def test_meshes_of_meshio(tmp_path):
     np.testing.assert_array_equal(sprung.System.from_meshio(mesh, masses=1.0, stiffness=1.0).rest_lengths, 1.0)
     with pytest.raises(ValueError, match="the mesh: cells of type 'triangle6'"):
         sprung.System.from_meshio(meshio.Mesh(points, [("triangle6", [list(range(6))])]), masses=1.0)
+
+
+def test_other_springs_in_the_same_system():
+    system = tangle().with_forces(lambda positions, velocities, time: -0.1 * velocities)
+    other = system.with_springs(stiffness=2 * system.stiffness, damping=0.0)
+    np.testing.assert_array_equal(other.stiffness, 2 * system.stiffness)
+    np.testing.assert_array_equal(other.rest_lengths, system.rest_lengths)
+    assert not other.damping.any() and system.damping.any()
+    np.testing.assert_array_equal(other.dofs, system.dofs)
+    state = system.initial_state()
+    np.testing.assert_allclose(other.force(state, "elastic"), 2 * system.force(state, "elastic"), rtol=1e-12)
+    np.testing.assert_array_equal(other.force(state, "external"), system.force(state, "external"))
+    with pytest.raises(ValueError, match=r"stiffness = -1\.0: must be finite and positive"):
+        system.with_springs(stiffness=-1.0)
+    for name in ("stiffness", "rest_lengths", "damping"):
+        wrong = np.ones(len(system.pairs))
+        wrong[3] = np.nan
+        with pytest.raises(ValueError, match=rf"{name}\[3\] = NaN"):
+            system.with_springs(**{name: wrong})
+        with pytest.raises(ValueError, match=rf"{name} = an array of shape \(2,\)"):
+            system.with_springs(**{name: [1.0, 2.0]})

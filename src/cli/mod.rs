@@ -4,10 +4,13 @@ mod accuracy;
 mod chart;
 mod common;
 mod console;
+mod equilibrium;
 mod files;
 mod inspect;
 mod matrix;
+mod mechanisms;
 mod method;
+mod modes;
 mod parts;
 mod print;
 mod run;
@@ -41,6 +44,9 @@ enum Command {
     Run(run::Run),
     Matrix(matrix::Matrix),
     Inspect(inspect::Inspect),
+    Equilibrium(equilibrium::EquilibriumCommand),
+    Modes(modes::ModesCommand),
+    Mechanisms(mechanisms::MechanismsCommand),
     Chart(chart::Chart),
     Verify(verify::Verify),
     View(view::View),
@@ -92,6 +98,9 @@ pub fn main() -> ExitCode {
         Command::Run(run) => run.execute(&console),
         Command::Matrix(matrix) => matrix.execute(&console),
         Command::Inspect(inspect) => inspect.execute(&console),
+        Command::Equilibrium(equilibrium) => equilibrium.execute(&console),
+        Command::Modes(modes) => modes.execute(&console),
+        Command::Mechanisms(mechanisms) => mechanisms.execute(&console),
         Command::Chart(chart) => chart.execute(&console),
         Command::Verify(verify) => verify.execute(&console),
         Command::View(view) => view.execute(&console),

@@ -32,8 +32,6 @@ pub(crate) use shift_invert::{Accuracy, Pencil, ShiftInvert, eigenpair};
 pub use shift_invert::{Lowest, lowest};
 
 use crate::linear::norm;
-use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef, Par};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rand::rngs::Xoshiro256PlusPlus;
 use rand::{Rng, SeedableRng};
@@ -54,19 +52,6 @@ pub(crate) fn unit(mut u: Vec<f64>) -> Option<Vec<f64>> {
     let length = norm(&u);
     u.iter_mut().for_each(|u| *u /= length);
     (length > 0.0 && length.is_finite()).then_some(u)
-}
-
-/// The first columns of a matrix.
-fn columns(matrix: &DMatrix<f64>, count: usize) -> MatRef<'_, f64> {
-    MatRef::from_column_major_slice(&matrix.as_slice()[..matrix.nrows() * count], matrix.nrows(), count)
-}
-
-/// A B.
-fn times(a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> DMatrix<f64> {
-    let mut product = DMatrix::zeros(a.nrows(), b.ncols());
-    let target = MatMut::from_column_major_slice_mut(product.as_mut_slice(), a.nrows(), b.ncols());
-    matmul(target, Accum::Replace, a, b, 1.0, Par::Seq);
-    product
 }
 
 /// Fills a vector with independent standard normal numbers (Box and Muller 1958).
@@ -209,8 +194,8 @@ impl<'m> BlockLanczos<'m> {
             let (values, y) = self.ritz_pairs();
             let norm = values.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
             let count = self.wanted.max(self.block).min(self.size);
-            let x = times(columns(&self.basis, self.size), columns(&y, count));
-            let image = times(columns(&self.products, self.size), columns(&y, count));
+            let x = self.basis.columns(0, self.size) * y.columns(0, count);
+            let image = self.products.columns(0, self.size) * y.columns(0, count);
             let mut residuals = image.clone();
             for (k, &value) in values.iter().take(count).enumerate() {
                 residuals.column_mut(k).axpy(-value, &x.column(k), 1.0);
@@ -270,16 +255,15 @@ impl<'m> BlockLanczos<'m> {
     }
 
     /// Orthonormalises columns against the basis and adds them with their products; returns `false` where all are in the space already.
-    fn extend(&mut self, mut added: DMatrix<f64>, apply: &mut Product<'_>) -> bool {
+    fn extend(&mut self, mut columns: DMatrix<f64>, apply: &mut Product<'_>) -> bool {
         let before = self.size;
-        let lengths: Vec<f64> = added.column_iter().map(|column| self.norm(column.as_slice())).collect();
+        let lengths: Vec<f64> = columns.column_iter().map(|column| self.norm(column.as_slice())).collect();
         for _ in 0..2 {
-            let basis = columns(&self.basis, before);
-            let weighted = self.weighted(added.clone());
-            let parts = times(basis.transpose(), columns(&weighted, weighted.ncols()));
-            added -= times(basis, columns(&parts, parts.ncols()));
+            let basis = self.basis.columns(0, before);
+            let parts = basis.tr_mul(&self.weighted(columns.clone()));
+            columns.gemm(-1.0, &basis, &parts, 1.0);
         }
-        for (column, length) in added.column_iter().zip(lengths) {
+        for (column, length) in columns.column_iter().zip(lengths) {
             self.add(column.into_owned(), before, length);
         }
         let added = self.size - before;
@@ -289,7 +273,7 @@ impl<'m> BlockLanczos<'m> {
         let range = before * self.n..self.size * self.n;
         apply(&self.basis.as_slice()[range.clone()], &mut self.products.as_mut_slice()[range]);
         let images = self.weighted(self.products.columns(before, added).into_owned());
-        let projected = times(columns(&self.basis, self.size).transpose(), columns(&images, added));
+        let projected = self.basis.columns(0, self.size).tr_mul(&images);
         self.projected.view_mut((0, before), (self.size, added)).copy_from(&projected);
         self.projected.view_mut((before, 0), (added, self.size)).copy_from(&projected.transpose());
         true
@@ -344,8 +328,8 @@ impl<'m> BlockLanczos<'m> {
     /// Shrinks the basis to its best Ritz vectors.
     fn compress(&mut self, values: &[f64], y: &DMatrix<f64>) {
         let count = (self.wanted + self.block).min(self.size.saturating_sub(self.block)).max(1);
-        let basis = times(columns(&self.basis, self.size), columns(y, count));
-        let products = times(columns(&self.products, self.size), columns(y, count));
+        let basis = self.basis.columns(0, self.size) * y.columns(0, count);
+        let products = self.products.columns(0, self.size) * y.columns(0, count);
         self.basis.columns_mut(0, count).copy_from(&basis);
         self.products.columns_mut(0, count).copy_from(&products);
         self.projected.fill(0.0);

@@ -126,6 +126,8 @@ pub(crate) struct ShiftInvert<'a> {
     factorization: &'a mut Ldlt,
     work: &'a mut Work,
     norm: f64,
+    /// Pairs known beforehand, from which searches start.
+    pub known: Vec<Eigenpair>,
     /// Proven bounds of the spectrum.
     pub within: [f64; 2],
     /// The factorization is that of A itself, and positive definite.
@@ -140,7 +142,17 @@ impl<'a> ShiftInvert<'a> {
         let within = [f64::NEG_INFINITY, f64::INFINITY];
         // A matrix of zeros has no scale of its own.
         let norm = Some(pencil.norm()).filter(|norm| *norm != 0.0).unwrap_or(1.0);
-        Self { pencil, factorization, work, norm, within, is_factored: false, edge: None, ends: None }
+        Self {
+            pencil,
+            factorization,
+            work,
+            norm,
+            known: Vec::new(),
+            within,
+            is_factored: false,
+            edge: None,
+            ends: None,
+        }
     }
 
     fn order(&self) -> usize {
@@ -152,7 +164,7 @@ impl<'a> ShiftInvert<'a> {
         self.edge = None;
         let outwards = if end == End::Lowest { -1.0 } else { 1.0 };
         let Some(mut shift) = self.first_shift(end, outwards) else { return Vec::new() };
-        let (mut pairs, mut due) = (Vec::new(), None);
+        let (mut pairs, mut due) = (self.known.clone(), None);
         for attempt in 0..12 {
             pairs = self.search(end, shift, wanted, accuracy.tolerance, &pairs, due);
             let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else { return pairs };
@@ -216,7 +228,7 @@ impl<'a> ShiftInvert<'a> {
     }
 
     /// Factors `A − σM` and counts the eigenvalues below σ; `None` where a pivot vanishes.
-    fn below(&mut self, shift: f64) -> Option<usize> {
+    pub fn below(&mut self, shift: f64) -> Option<usize> {
         let mut shifted = self.pencil.a.clone();
         match self.pencil.masses {
             Some(masses) => shifted.add_diagonal(-shift, masses),

@@ -32,8 +32,10 @@ pub struct Animation {
     whole: SceneTopology,
     decimation: Option<Decimation>,
     shown: Option<SceneTopology>,
-    /// Time of every frame, in s.
+    /// Time of every frame, in s; or another ascending number by which frames are found.
     pub times: Vec<f64>,
+    /// The symbol and the unit of `times`: `t` and `s`.
+    pub clock: [&'static str; 2],
     /// Positions of the shown particles, frame after frame, in m.
     pub positions: Vec<Vector3<f64>>,
     /// Strains of the shown springs, frame after frame.
@@ -67,6 +69,7 @@ impl Animation {
             decimation,
             shown,
             times: Vec::new(),
+            clock: ["t", "s"],
             positions: Vec::new(),
             strains: Vec::new(),
             extremes: Vec::new(),

@@ -15,6 +15,7 @@ pub mod page;
 pub mod plot;
 mod sheet;
 pub mod spy;
+pub mod statics;
 pub mod tiles;
 pub mod view;
 

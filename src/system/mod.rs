@@ -141,6 +141,11 @@ impl System {
         self.law.is_some() || self.has_special_springs
     }
 
+    /// True if any spring follows a law of the caller's own, is tension-only, or is actuated.
+    pub(crate) fn has_other_laws(&self) -> bool {
+        self.law.is_some() || !self.behaviour.is_empty()
+    }
+
     /// The factor of the rest length of a spring at a time, and its rate in 1/s.
     pub(crate) fn actuation(&self, number: usize, time: f64) -> Option<[f64; 2]> {
         let entry = self.behaviour.actuation.get(*self.actuated.get(number)? as usize)?;

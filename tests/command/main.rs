@@ -18,5 +18,6 @@ mod rejected_scenes;
 mod robustness;
 mod run;
 mod snapshots;
+mod statics;
 mod units;
 mod verify;

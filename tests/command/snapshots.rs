@@ -70,6 +70,21 @@ fn numbers_are_rounded_and_nothing_else() {
     assert_eq!(rounded(text), "w2: 10 of 0.0777 s, -0, 0.0750 and 145000 (spring 12, 0.300 a)");
 }
 
+/// Two bars that snap through under a weight, and a bar that hangs from them and can swing.
+const TRUSS: &str = r#"
+name = "truss"
+gravity = [0.0, -9.81]
+[particles]
+positions = [[-1.0, 0.0], [1.1, 0.0], [0.0, 0.3], [0.0, -0.5]]
+masses = [1.0, 1.0, 1.0, 0.7]
+[springs]
+pairs = [[0, 2], [1, 2], [2, 3]]
+stiffness = 1000.0
+damping = 0.5
+[[constraints]]
+particles = [0, 1]
+"#;
+
 /// The names of all commands, as the help lists them.
 fn commands() -> Vec<String> {
     let help = Sandbox::new().sprung(&["--help"]).ends_with(0).stdout;
@@ -132,6 +147,10 @@ fn refusals() {
         "inspect triangle.toml --dt 0",
         "inspect triangle.toml --stiffness none",
         "inspect triangle.toml --steps two",
+        "equilibrium triangle.toml --load-path 0",
+        "modes triangle.toml -n 0",
+        "modes triangle.toml --at nowhere.json",
+        "mechanisms missing.toml",
         "verify missing.toml",
         "chart missing.toml",
         "chart triangle.toml --budget 0",
@@ -239,6 +258,17 @@ fn files() {
     assert_is("keys-culprits.json", &structure(&sandbox.json("broken/failure/culprits.json")));
     let inspection = sandbox.sprung(&["inspect", &scene, "--dt", "0.5", "--json"]).ends_with(0).json();
     assert_is("keys-inspect.json", &structure(&inspection));
+    sandbox.put("truss.toml", TRUSS);
+    for command in ["equilibrium", "modes", "mechanisms"] {
+        let more: &[&str] = if command == "equilibrium" { &["--load-path", "10"] } else { &[] };
+        let answer = sandbox.sprung(&[&[command, "truss.toml", "--out", "statics"], more].concat()).ends_with(0);
+        // Work and what rounding leaves differ between processors.
+        let kept = |line: &&str| !["work", "largest force left"].iter().any(|word| line.trim_start().starts_with(word));
+        let said: Vec<&str> = answer.stdout.lines().filter(kept).collect();
+        assert_is(command, &rounded(&said.join("\n")));
+        let name = format!("{command}.json");
+        assert_is(&format!("keys-{name}"), &structure(&sandbox.json(&format!("statics/{name}"))));
+    }
     sandbox.sprung(&["verify", &scene, "--out", "verified"]).ends_with(0);
     let report = sandbox.json("verified/report.json");
     assert_is("keys-report.json", &structure(&report));

@@ -70,6 +70,12 @@ fn every_page_is_whole_at_every_width_light_and_dark() {
     make(&["inspect", &repository_scene("planar_truss.toml"), "--out", "truss"]);
     make(&["chart", &repository_scene("two_springs.toml"), "--budget", "2", "--out", "chart"]);
     make(&["run", "cloth.toml", "--dt", "0.01", "--steps", "20", "--view", "--out", "run"]);
+    let frame = "particles = { positions = [[0, 0], [1, 0], [1, 1], [0, 1]], masses = 1 }
+        springs = { pairs = [[0, 1], [1, 2], [2, 3], [3, 0]], stiffness = 4 }";
+    folder.put("frame.toml", frame);
+    make(&["modes", "cloth.toml", "-n", "12", "--out", "modes"]);
+    make(&["mechanisms", "frame.toml", "--out", "frame"]);
+    make(&["equilibrium", "cloth.toml", "--load-path", "5", "--out", "equilibrium"]);
     let report = sprung::report::html(&crate::sample::mixed());
     let pages = [
         ("inspect.html of a cloth", folder.read("cloth/inspect.html")),
@@ -78,6 +84,9 @@ fn every_page_is_whole_at_every_width_light_and_dark() {
         ("chart.html", folder.read("chart/chart.html")),
         ("report.html", report),
         ("view.html", folder.read("run/view.html")),
+        ("view.html of a load path", folder.read("equilibrium/view.html")),
+        ("modes.html", folder.read("modes/modes.html")),
+        ("mechanisms.html", folder.read("frame/mechanisms.html")),
     ];
     let mut wrong = Vec::new();
     for (name, page) in &pages {

@@ -143,3 +143,66 @@ fn a_scene_at_rest_is_drawn() {
     assert_eq!(page.value("document.getElementById('play').offsetParent === null"), true);
     assert_eq!(page.complaints(), [""; 0]);
 }
+
+/// The page of modes: the one chosen swings about the state, as far as the slider says.
+#[test]
+fn modes_are_chosen_and_swing() {
+    let Some(mut browser) = Browser::start() else { return };
+    let sandbox = Sandbox::new();
+    sandbox.put("scene.toml", SCENE);
+    sandbox.sprung(&["modes", "scene.toml", "-n", "3", "--out", "out"]).ends_with(0);
+    for size in SIZES {
+        for dark in [false, true] {
+            let mut page = browser.open(&sandbox.path("out/modes.html"), size, dark);
+            page.wait_for("globalThis.viewer");
+            let chosen = page.value("document.getElementById('time').textContent");
+            assert_eq!(chosen, "mode 1");
+            // Those who want less motion see the end of the swing until they play it.
+            assert_eq!(page.value("viewer.playing"), false);
+            let (end, drawn) = picture(&mut page);
+            assert!(drawn > 200, "{drawn} pixels");
+            let amplitude = page.value("document.getElementById('size').textContent");
+            assert_eq!(amplitude, "0.1 m", "a tenth of the extent");
+            let place = |page: &mut Page<'_>| {
+                picture(page);
+                let at = page.value("viewer.where(2)");
+                [0, 1].map(|k| at[k].as_f64().unwrap())
+            };
+            let at_end = place(&mut page);
+            page.value("viewer.turn(0)");
+            let in_state = place(&mut page);
+            page.value("viewer.turn(-Math.PI / 2)");
+            let other_end = place(&mut page);
+            for k in 0..2 {
+                let middle = (at_end[k] + other_end[k]) / 2.0;
+                assert!((middle - in_state[k]).abs() < 0.1, "{at_end:?} {in_state:?} {other_end:?}");
+            }
+            // Twice as far.
+            page.value("viewer.turn(Math.PI / 2)");
+            page.value("(() => { const s = document.getElementById('slider'); s.value = 20; s.dispatchEvent(new Event('input')); })()");
+            let far = place(&mut page);
+            for k in 0..2 {
+                assert!((far[k] - in_state[k] - 2.0 * (at_end[k] - in_state[k])).abs() < 0.1);
+            }
+            page.value("document.querySelectorAll('#motions input')[1].click()");
+            assert_eq!(page.value("viewer.motion"), 2);
+            assert_eq!(page.value("document.getElementById('time').textContent"), "mode 2");
+            assert_ne!(picture(&mut page).0, end);
+            page.key("n");
+            page.wait_for("viewer.motion === 3");
+            page.key("n");
+            page.wait_for("viewer.motion === 1");
+            let before = page.value("viewer.angle").as_f64().unwrap();
+            page.value("document.getElementById('play').click()");
+            page.wait_for(&format!("viewer.angle > {before} + 0.5"));
+            page.value("document.getElementById('play').click()");
+            assert_eq!(page.value("viewer.playing"), false);
+            assert_eq!(
+                page.value("document.documentElement.scrollWidth - document.documentElement.clientWidth"),
+                0,
+                "{size:?}"
+            );
+            assert_eq!(page.complaints(), [""; 0]);
+        }
+    }
+}

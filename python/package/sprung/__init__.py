@@ -20,13 +20,16 @@ negative (semidefinite) where the system is stable.
 
 from ._constraint import Constraint
 from ._errors import Breakdown, DoubtWarning
+from ._fit import Fit, fit
 from ._functions import ExternalForce
+from ._gradient import DifferentiableRun, Gradient
 from ._inspect import Inspection, inspect
 from ._jacobian import Entry, JacobianCheck, check_jacobian
 from ._matrices import Factor, Matrices, NotPositiveDefinite
 from ._native import __version__
 from ._result import Result
 from ._state import Energy, State
+from ._statics import Equilibrium, Mechanisms, Modes, equilibrium, mechanisms, modes
 from ._stepper import Stepper
 from ._system import System
 from ._verify import Verification, verify
@@ -34,14 +37,20 @@ from ._verify import Verification, verify
 __all__ = [
     "Breakdown",
     "Constraint",
+    "DifferentiableRun",
     "DoubtWarning",
     "Energy",
     "Entry",
+    "Equilibrium",
     "ExternalForce",
     "Factor",
+    "Fit",
+    "Gradient",
     "Inspection",
     "JacobianCheck",
     "Matrices",
+    "Mechanisms",
+    "Modes",
     "NotPositiveDefinite",
     "Result",
     "State",
@@ -50,6 +59,10 @@ __all__ = [
     "Verification",
     "__version__",
     "check_jacobian",
+    "equilibrium",
+    "fit",
     "inspect",
+    "mechanisms",
+    "modes",
     "verify",
 ]

@@ -9,6 +9,7 @@ from typing import Any
 
 from . import _arrays, _native
 from ._errors import Breakdown, DoubtWarning
+from ._gradient import DifferentiableRun
 from ._result import Result
 from ._state import State
 from ._system import System
@@ -60,6 +61,7 @@ class Stepper:
         tolerance: float | None = None,
     ) -> None:
         self.system = system
+        self._method = method
         given = system._given(state)
         self._native = _native.Stepper(system._native, given, method, stiffness, solver, preconditioner, tolerance)
 
@@ -102,7 +104,9 @@ class Stepper:
         callback: Callable[[int, State], Any] | None = None,
         every: int = 1,
         allow_unstable: bool = False,
-    ) -> Result:
+        differentiable: bool = False,
+        checkpoints: int | None = None,
+    ) -> Any:
         """Run from the current state, and keep the final one.
 
         The method restarts, as in a run of the command.
@@ -125,15 +129,25 @@ class Stepper:
             The number of records per frame; the first and the last state are always frames.
         allow_unstable : bool
             Continue if energy appears without cause.
+        differentiable : bool
+            Keep what gradients through the run need, and return a :class:`DifferentiableRun`: for methods
+            ``"backward-euler"``, ``"implicit-midpoint"``, ``"bdf2"`` and ``"verlet"`` with steps ``dt``. Steps are
+            solved to rounding, by sparse Cholesky.
+        checkpoints : int, optional
+            With ``differentiable`` the number of states to keep at most; others are computed again when a gradient needs
+            them, to the same bits. By default as many as half of the memory holds.
 
         Returns
         -------
         Result
+            A :class:`DifferentiableRun` with ``differentiable``.
 
         Raises
         ------
         Breakdown
             If the run breaks down; ``result`` contains the motion before, and the stepper has the last good state.
+        ValueError
+            For wrong arguments; with ``differentiable`` also for methods and systems without a gradient, and for a step that breaks down.
         KeyboardInterrupt
             On Ctrl-C; the stepper then has the state of the last step, or with ``accuracy`` its previous one.
 
@@ -142,6 +156,12 @@ class Stepper:
         DoubtWarning
             If the run is doubtful, or an accuracy could not be confirmed.
         """
+        if differentiable:
+            if rtol is not None or accuracy is not None or callback is not None:
+                raise ValueError("differentiable: takes steps dt, and neither rtol, accuracy nor callback")
+            return self._run_differentiable(duration, dt, checkpoints)
+        if checkpoints is not None:
+            raise ValueError("checkpoints: are those of a run with differentiable=True")
         if accuracy is not None and rtol is not None:
             raise ValueError("accuracy and rtol: must have at most one of the two")
         if accuracy is not None and callback is not None:
@@ -166,6 +186,18 @@ class Stepper:
         for warning in result.warnings:
             warnings.warn(warning, DoubtWarning, stacklevel=2)
         return result
+
+    def _run_differentiable(self, duration: float, dt: float | None, checkpoints: int | None) -> DifferentiableRun:
+        if self._method is None:
+            raise ValueError("method: must be named for a gradient, such as \"backward-euler\"")
+        if checkpoints is not None and (isinstance(checkpoints, bool) or not isinstance(checkpoints, int) or checkpoints < 2):
+            raise ValueError(f"checkpoints = {checkpoints!r}: must be an integer, at least 2")
+        step, time = self.system._step(dt), _arrays.number("duration", duration)
+        given = self.state._given()
+        native = _native.differentiable_run(self.system._native, given, self._method, step, time, checkpoints)
+        run = DifferentiableRun(self.system, native)
+        self.state = run.state
+        return run
 
     def __repr__(self) -> str:
         return f"<Stepper of {self.system.name!r} at t = {self.state.time:.6g} s>"

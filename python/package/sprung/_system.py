@@ -209,6 +209,32 @@ class System:
         given = _functions.forces(forces, self._forces, *shape)
         return self._of(self._native.with_functions(given, None), self._forces + len(given))
 
+    def with_springs(
+        self,
+        *,
+        stiffness: ArrayLike | None = None,
+        rest_lengths: ArrayLike | None = None,
+        damping: ArrayLike | None = None,
+    ) -> System:
+        """The system with other parameters for its springs, one number for all or one for each; those not given stay.
+
+        Forces, loads, constraints and the initial state do not change.
+
+        Examples
+        --------
+        >>> import sprung
+        >>> chain = sprung.System.ready("chain", 3)
+        >>> float(chain.with_springs(stiffness=2 * chain.stiffness).stiffness[0] / chain.stiffness[0])
+        2.0
+        """
+        count = len(self.pairs)
+        given = (("stiffness", stiffness), ("rest_lengths", rest_lengths), ("damping", damping))
+        arrays = [
+            own if value is None else _arrays.each(name, value, count, "springs", zero=name != "stiffness")
+            for (name, value), own in zip(given, self._springs)
+        ]
+        return self._of(self._native.with_springs(*arrays), self._forces)
+
     def with_spring_law(self, law: Callable[..., Any]) -> System:
         """The system with another law for all its springs in place of ``T = k (l/l0 - 1)``; damping does not change.
 

@@ -31,9 +31,10 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
         return format!("{scene}{at}: no coordinate is free, so A has no rows, and there is nothing to inspect");
     }
     let mut lines = vec![format!("{scene}{at}: A is {verdict} (stiffness {}, dt = {dt:?} s)", option.name())];
-    let signs = match inspection.lacks(Part::Signs(*option)) {
-        true => "signs not counted".to_owned(),
-        false => format!("{} negative, {} zero, {} positive", inertia.negative, inertia.zero, inertia.positive),
+    let is_counted = !inspection.lacks(Part::Signs(*option));
+    let signs = match is_counted {
+        false => "signs not counted".to_owned(),
+        true => format!("{} negative, {} zero, {} positive", inertia.negative, inertia.zero, inertia.positive),
     };
     lines.push(format!(
         "  eigenvalues  {signs}; from {} to {} N/m, condition {}",
@@ -41,6 +42,9 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
         known(examined.largest, plain),
         known(examined.condition, plain),
     ));
+    if is_counted && inertia.negative == 0 && inertia.zero > 0 {
+        lines.push("  singular     sprung mechanisms names the motions that stretch no spring".into());
+    }
     lines.push(format!("  limits       {}; a run leaves it, --steps N follows one", scope()));
     lines.push(format!(
         "  {:<12} {:<20} {:<20} {:<16} {}",

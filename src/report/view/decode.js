@@ -68,10 +68,10 @@ async function load() {
     // x of particle i in a frame, in m.
     place(frame, i) {
       const at = 3 * (frame * particles + i);
-      return about.origin.map((low, axis) => low + about.quantum * places[at + axis]);
+      return about.origin.map((low, axis) => low + about.quantum * this.places[at + axis]);
     },
     strain(frame, s) {
-      const q = strains[frame * springs + s] / about.strain.levels;
+      const q = this.strains[frame * springs + s] / about.strain.levels;
       return about.strain.largest * q * Math.abs(q);
     },
   };

@@ -43,6 +43,11 @@ pub(super) struct About {
     /// True where a line stands for several springs.
     pub merged: bool,
     pub times: Vec<f64>,
+    /// The symbol and unit of times.
+    pub clock: [&'static str; 2],
+    /// Of motions about a state: how far the kept frames move it at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub amplitude: Option<Amplitude>,
     /// Seconds of motion in one second of playing.
     pub speed: f64,
     /// Speeds to choose from, ascending.
@@ -56,6 +61,15 @@ pub(super) struct About {
     sections: BTreeMap<&'static str, [usize; 2]>,
     channels: Channels,
     pub tracks: Vec<Panel>,
+}
+
+/// The largest displacement of motions about a state.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(super) struct Amplitude {
+    /// In m.
+    pub length: f64,
+    /// As a part of the scene's extent.
+    pub part: f64,
 }
 
 #[derive(Serialize)]
@@ -155,6 +169,8 @@ fn with_frames(animation: &Animation, every: usize) -> Encoded {
         speed,
         speeds: speeds(speed),
         times,
+        clock: animation.clock,
+        amplitude: None,
         origin: low.into(),
         quantum,
         bounds: Bounds { low: low.into(), high: high.into() },
@@ -168,7 +184,7 @@ fn with_frames(animation: &Animation, every: usize) -> Encoded {
 }
 
 /// The corners of the box around all positions; of none, a point.
-fn extent<'a>(positions: impl Iterator<Item = &'a Vector3<f64>>) -> (Vector3<f64>, Vector3<f64>) {
+pub(super) fn extent<'a>(positions: impl Iterator<Item = &'a Vector3<f64>>) -> (Vector3<f64>, Vector3<f64>) {
     let mut ends: Option<(Vector3<f64>, Vector3<f64>)> = None;
     for x in positions {
         ends = Some(ends.map_or((*x, *x), |(low, high)| (low.inf(x), high.sup(x))));

@@ -5,6 +5,9 @@
 //! themselves. `docs/guide/src/how-to/watching.md` compares this with WebGL and a library.
 
 mod encode;
+mod motions;
+
+pub use motions::{Motion, Motions};
 
 use super::number::{count, pretty, typeset};
 use crate::figure::{Animation, Binding};
@@ -29,7 +32,7 @@ pub fn within(animation: &Animation, limit: usize) -> io::Result<String> {
     page(animation, &encode::encode(animation, limit))
 }
 
-/// The program, in the order in which its parts use each other.
+/// The program, in the order in which its parts use each other; the last one is that of the page.
 const SCRIPTS: [&str; 8] = [
     include_str!("decode.js"),
     include_str!("camera.js"),
@@ -38,14 +41,33 @@ const SCRIPTS: [&str; 8] = [
     include_str!("pick.js"),
     include_str!("tracks.js"),
     include_str!("gestures.js"),
-    include_str!("controls.js"),
+    include_str!("stage.js"),
 ];
+const CONTROLS: &str = include_str!("controls.js");
 
 fn page(animation: &Animation, encoded: &Encoded) -> io::Result<String> {
+    let header = html! {
+        p.lead { (lead(animation)) }
+        p.told { (typeset(&summary(animation))) }
+        @for note in &notes(animation, encoded) { p.note { (note) } }
+    };
+    let body = html! {
+        main {
+            (stage(animation, encoded))
+            @if encoded.about.frames > 1 { (transport()) }
+            @else { div hidden { (transport()) } }
+            (switches(animation))
+            div id="tracks" {}
+            (help(encoded, &time_keys()))
+        }
+    };
+    document(&animation.title, &header, &body, encoded, CONTROLS)
+}
+
+/// A page of a picture: its title, what stands below that, its content, its data, and the script that steers it.
+fn document(title: &str, header: &Markup, body: &Markup, encoded: &Encoded, script: &str) -> io::Result<String> {
     // No text in it ends a script.
     let about = serde_json::to_string(&encoded.about)?.replace('<', "\\u003c");
-    let title = &animation.title;
-    let notes = notes(animation, encoded);
     let document = html! {
         (DOCTYPE)
         html lang="en" {
@@ -58,25 +80,14 @@ fn page(animation: &Animation, encoded: &Encoded) -> io::Result<String> {
                 style { (PreEscaped(include_str!("view.css"))) }
             }
             body {
-                header {
-                    h1 { (title) }
-                    p.lead { (lead(animation)) }
-                    p.told { (typeset(&summary(animation))) }
-                    @for note in &notes { p.note { (note) } }
-                }
-                main {
-                    (stage(animation, encoded))
-                    @if encoded.about.frames > 1 { (transport()) }
-                    @else { div hidden { (transport()) } }
-                    (switches(animation))
-                    div id="tracks" {}
-                    (help(encoded))
-                }
+                header { h1 { (title) } (header) }
+                (body)
                 footer { "Written by sprung " (env!("CARGO_PKG_VERSION")) ". This page is one file and loads nothing." }
                 script type="application/json" id="about" { (PreEscaped(&about)) }
                 script type="text/plain" id="data" { (PreEscaped(&encoded.data)) }
                 script type="module" {
                     @for script in SCRIPTS { (PreEscaped(script)) }
+                    (PreEscaped(script))
                     (PreEscaped("start().catch((error) => say(`The motion cannot be shown: ${error.message}`));\n"))
                 }
             }
@@ -98,7 +109,13 @@ fn summary(animation: &Animation) -> String {
     let mut parts = Vec::new();
     if let [start, .., end] = animation.times.as_slice() {
         let (span, distance) = (pretty(end - start), pretty(animation.farthest()));
-        parts.push(format!("within {span} s particles come up to {distance} m from where they start"));
+        let unit = animation.clock[1];
+        let within = if unit.is_empty() {
+            format!("from {} {} to {}", animation.clock[0], pretty(*start), pretty(*end))
+        } else {
+            format!("within {span} {unit}")
+        };
+        parts.push(format!("{within} particles come up to {distance} m from where they start"));
     }
     match animation.strain_range() {
         None => {}
@@ -197,7 +214,14 @@ fn switches(animation: &Animation) -> Markup {
     }
 }
 
-fn help(encoded: &Encoded) -> Markup {
+/// The keys of a page that shows frames in time.
+fn time_keys() -> Markup {
+    html! {
+        dt { "time" } dd { kbd { "space" } " plays and pauses, " kbd { "←" } " " kbd { "→" } " step, " kbd { "Home" } " " kbd { "End" } "; or point at a curve" }
+    }
+}
+
+fn help(encoded: &Encoded, keys: &Markup) -> Markup {
     let about = &encoded.about;
     html! {
         details {
@@ -206,7 +230,7 @@ fn help(encoded: &Encoded) -> Markup {
                 dt { "turn" } dd { "drag, or one finger; on the picture " kbd { "↑" } " " kbd { "↓" } ", and " kbd { "Shift" } " with arrows (a planar scene moves instead)" }
                 dt { "move" } dd { "drag with " kbd { "Shift" } " or the right button, or two fingers" }
                 dt { "magnify" } dd { "wheel, pinch, " kbd { "+" } " " kbd { "−" } "; double click or " kbd { "f" } " fits" }
-                dt { "time" } dd { kbd { "space" } " plays and pauses, " kbd { "←" } " " kbd { "→" } " step, " kbd { "Home" } " " kbd { "End" } "; or point at a curve" }
+                (keys)
                 dt { "marks" } dd { "a square is held, along all axes or some; a diamond is moved" }
                 dt { "numbers" } dd { "point at a particle or spring; a click or tap keeps it, " kbd { "Esc" } " lets go" }
                 dt { "exactness" } dd {

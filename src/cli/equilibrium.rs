@@ -1,0 +1,115 @@
+//! `sprung equilibrium`: where the scene comes to rest.
+
+use super::common::{At, LoadedScene, SceneFile, claim, positive_count};
+use super::console::{Console, error};
+use super::threads::Threads;
+use super::view::{PAGE, write_page};
+use super::{Exit, Stop};
+use sprung::equilibrium::{Equilibrium, EquilibriumOptions, LoadPath, Stability, equilibrium, load_path};
+use sprung::figure::{Animation, SceneTopology};
+use sprung::output::{AtomicFile, OutputFolder};
+use sprung::report::statics::{EquilibriumRecord, equilibrium_text, load_path_animation, load_path_plot, verdict};
+use sprung::{Result, report};
+use std::fmt::Write;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+/// Find where the scene comes to rest under its weight and loads
+///
+/// Goes downhill in energy from the start, or from the state of a file, by Newton's method, until the largest force left is 1e-10 of the largest
+/// that acts. The signs of the eigenvalues of −K say what was found: stable; indifferent, where motions cost no energy; unstable, a saddle that
+/// the search could not leave; none, where nothing holds some particles, which are named. The last two end with status 1, as does a search that does not
+/// converge. Writes equilibrium.json, whose state other commands take with --at, and view.html.
+#[derive(Debug, clap::Args)]
+#[command(allow_negative_numbers = true)]
+pub struct EquilibriumCommand {
+    #[command(flatten)]
+    scene: SceneFile,
+
+    /// Follow gravity and loads from zero to their full values in N steps, locate the critical ones, at which the scene buckles or snaps
+    /// through, and write load-path.svg; view.html then plays the path
+    #[arg(long, value_name = "N", value_parser = positive_count::<NonZeroUsize>)]
+    load_path: Option<NonZeroUsize>,
+
+    #[command(flatten)]
+    at: At,
+
+    #[command(flatten)]
+    threads: Threads,
+
+    /// Folder for the files, made where it does not exist [default: out/<scene name>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+const PLOT: &str = "load-path.svg";
+const FILES: [&str; 3] = ["equilibrium.json", PAGE, PLOT];
+
+impl EquilibriumCommand {
+    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+        let scene = self.at.place(self.scene.load(console)?)?;
+        let folder = scene.folder(&self.out);
+        let file = scene.file.clone();
+        let steps = self.load_path;
+        let computed = self.threads.attend(
+            move |_: &mut dyn FnMut(())| {
+                let LoadedScene { system, state, .. } = &scene;
+                let found = equilibrium(system, state, EquilibriumOptions::default())?;
+                let path = steps.map(|steps| load_path(system, state, steps.get())).transpose()?;
+                Ok((scene, found, path))
+            },
+            |()| {},
+        )?;
+        let Some(computed) = computed else {
+            return Err(Stop::Computation("interrupted: nothing was written".into()));
+        };
+        let (scene, found, path) = computed.map_err(|error: sprung::Error| error.in_file(&file))?;
+        let claimed = claim(&folder, &FILES, false)?;
+        let critical: Vec<(f64, &'static str)> =
+            path.iter().flat_map(|path| &path.critical).map(|load| (load.factor, load.kind.name())).collect();
+        let linear = path.as_ref().and_then(|path| path.linear_buckling);
+        let record = EquilibriumRecord::new(&scene.name, scene.system.dimension(), &found, &critical)
+            .with_linear_buckling(linear);
+        write(&claimed, &folder, &scene, &record, &found, path.as_ref()).map_err(Stop::Broken)?;
+        let mut text = equilibrium_text(&scene.name, &found, &critical);
+        if let Some(factor) = linear {
+            let _ = writeln!(text, "  linear buckling       {factor:.6} of the full load: an estimate");
+        }
+        let names = if path.is_some() { FILES.join(", ") } else { FILES[..2].join(", ") };
+        let _ = writeln!(text, "  files                 {names} in {}", folder.display());
+        let _ = write!(text, "open {}", folder.join(PAGE).display());
+        console.result(&record, text)?;
+        match found.stability {
+            Stability::Stable | Stability::Indifferent => Ok(Exit::Done),
+            _ => {
+                error(verdict(&found));
+                Ok(Exit::Failed)
+            }
+        }
+    }
+}
+
+fn write(
+    claimed: &OutputFolder,
+    folder: &Path,
+    scene: &LoadedScene,
+    record: &EquilibriumRecord<'_>,
+    found: &Equilibrium,
+    path: Option<&LoadPath>,
+) -> Result<()> {
+    AtomicFile::write_json(folder.join(FILES[0]), record)?;
+    let topology = SceneTopology::of(&scene.system, &scene.triangles);
+    let animation = match path {
+        Some(path) => {
+            AtomicFile::write_text(folder.join(PLOT), &report::plot::svg(&load_path_plot(&scene.name, path)))?;
+            load_path_animation(&scene.name, topology, path)
+        }
+        None => {
+            claimed.remove(PLOT)?;
+            let mut animation = Animation::still(&scene.name, topology, &found.state);
+            animation.remarks = vec![format!("equilibrium, {}", verdict(found))];
+            animation
+        }
+    };
+    write_page(&folder.join(PAGE), &animation).map(drop)
+}

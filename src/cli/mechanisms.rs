@@ -1,0 +1,86 @@
+//! `sprung mechanisms`: which motions stretch no spring, and why a matrix is singular.
+
+use super::common::{At, LoadedScene, SceneFile, claim};
+use super::console::{Console, warning};
+use super::threads::Threads;
+use super::{Exit, Stop};
+use sprung::figure::SceneTopology;
+use sprung::mechanisms::{Mechanisms, mechanisms};
+use sprung::output::{AtomicFile, OutputFolder};
+use sprung::report::statics::{MechanismsRecord, mechanism_motions, mechanisms_text};
+use sprung::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Say why a matrix is singular: motions that stretch no spring
+///
+/// Takes the rank of the springs' directions at the start, or at the state of a file. Motions beyond the rank stretch no spring: rigid ones, and
+/// mechanisms, which are listed with the particles that move, the springs that would remove them, and whether prestress stiffens them. Springs
+/// beyond the rank can be in tension without any load: states of self-stress. Writes mechanisms.json, and mechanisms.html, which plays every
+/// mechanism, where there are any.
+#[derive(Debug, clap::Args)]
+pub struct MechanismsCommand {
+    #[command(flatten)]
+    scene: SceneFile,
+
+    #[command(flatten)]
+    at: At,
+
+    #[command(flatten)]
+    threads: Threads,
+
+    /// Folder for the files, made where it does not exist [default: out/<scene name>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+const PAGE: &str = "mechanisms.html";
+const FILES: [&str; 2] = ["mechanisms.json", PAGE];
+
+impl MechanismsCommand {
+    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+        let scene = self.at.place(self.scene.load(console)?)?;
+        let folder = scene.folder(&self.out);
+        let file = scene.file.clone();
+        let computed = self.threads.attend(
+            move |_: &mut dyn FnMut(())| mechanisms(&scene.system, &scene.state).map(|found| (scene, found)),
+            |()| {},
+        )?;
+        let Some(computed) = computed else {
+            return Err(Stop::Computation("interrupted: nothing was written".into()));
+        };
+        let (scene, found) = computed.map_err(|error| error.in_file(&file))?;
+        let claimed = claim(&folder, &FILES, false)?;
+        let record = MechanismsRecord::new(&scene.name, &found);
+        let has_page = write(&claimed, &folder, &scene, &record, &found).map_err(Stop::Broken)?;
+        let mut text = mechanisms_text(&scene.name, &found).trim_end().to_owned();
+        if has_page {
+            text += &format!("\nopen {}", folder.join(PAGE).display());
+        }
+        console.result(&record, text)?;
+        if !found.decided {
+            warning("a singular value is too close to the limit of rounding: the rank is not certain");
+        }
+        Ok(Exit::Done)
+    }
+}
+
+/// Writes the files; returns whether there is a motion that a page can play.
+fn write(
+    claimed: &OutputFolder,
+    folder: &Path,
+    scene: &LoadedScene,
+    record: &MechanismsRecord<'_>,
+    found: &Mechanisms,
+) -> Result<bool> {
+    let LoadedScene { name, system, state, triangles, .. } = scene;
+    AtomicFile::write_indented_json(folder.join(FILES[0]), record)?;
+    let motions = mechanism_motions(name, found);
+    if motions.motions.is_empty() {
+        claimed.remove(PAGE)?;
+        return Ok(false);
+    }
+    let page = motions.html(SceneTopology::of(system, triangles), &state.positions);
+    let page = page.map_err(|source| Error::io(folder.join(PAGE), source))?;
+    AtomicFile::write_text(folder.join(PAGE), &page)?;
+    Ok(true)
+}

@@ -1,0 +1,126 @@
+//! `sprung modes`: how the scene vibrates about a state.
+
+use super::common::{At, LoadedScene, SceneFile, claim, positive_count};
+use super::console::{Console, warning};
+use super::threads::Threads;
+use super::{Exit, Stop};
+use sprung::equilibrium::{EquilibriumOptions, Stability, equilibrium};
+use sprung::figure::SceneTopology;
+use sprung::modes::{Modes, modes};
+use sprung::output::{AtomicFile, OutputFolder, write_modes};
+use sprung::report::statics::{ModesRecord, mode_motions, modes_text, verdict};
+use sprung::{Error, Result};
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+/// Find the lowest normal modes: frequencies, damping, shapes
+///
+/// Solves −K φ = ω² M φ at a state. Zero modes, rigid motions and mechanisms, are counted apart. Negative ω² are motions that grow. A
+/// factorization counts the eigenvalues below the last mode: "complete" means that none is missing. Writes modes.json, modes.npz, the
+/// shapes for NumPy, and modes.html, which plays every mode.
+#[derive(Debug, clap::Args)]
+pub struct ModesCommand {
+    #[command(flatten)]
+    scene: SceneFile,
+
+    /// Number of modes, zero modes not counted
+    #[arg(short, long = "number", value_name = "N", default_value = "10", value_parser = positive_count::<NonZeroUsize>)]
+    number: NonZeroUsize,
+
+    /// The state: start, the equilibrium that is found from there, or a file, a final.json or equilibrium.json
+    #[arg(long, value_name = "start|equilibrium|FILE", default_value = "start")]
+    at: PathBuf,
+
+    #[command(flatten)]
+    threads: Threads,
+
+    /// Folder for the files, made where it does not exist [default: out/<scene name>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+const PAGE: &str = "modes.html";
+const FILES: [&str; 3] = ["modes.json", "modes.npz", PAGE];
+
+/// Why there are no modes.
+enum Failure {
+    Unusable(Error),
+    NoEquilibrium(String),
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        Self::Unusable(error)
+    }
+}
+
+impl ModesCommand {
+    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+        let at = self.at.display().to_string();
+        let is_file = !matches!(at.as_str(), "start" | "equilibrium");
+        let scene = At { at: is_file.then(|| self.at.clone()) }.place(self.scene.load(console)?)?;
+        let folder = scene.folder(&self.out);
+        let file = scene.file.clone();
+        let (number, from_equilibrium) = (self.number.get(), at == "equilibrium");
+        let computed = self.threads.attend(
+            move |_: &mut dyn FnMut(())| {
+                let mut scene = scene;
+                if from_equilibrium {
+                    let found = equilibrium(&scene.system, &scene.state, EquilibriumOptions::default())?;
+                    if matches!(found.stability, Stability::None | Stability::NotConverged) {
+                        return Err(Failure::NoEquilibrium(verdict(&found)));
+                    }
+                    scene.state = found.state;
+                }
+                let found = modes(&scene.system, &scene.state, number)?;
+                Ok((scene, found))
+            },
+            |()| {},
+        )?;
+        let (scene, found) = match computed {
+            None => return Err(Stop::Computation("interrupted: nothing was written".into())),
+            Some(Err(Failure::NoEquilibrium(why))) => {
+                return Err(Stop::Computation(format!("no equilibrium was found: {why}")));
+            }
+            Some(Err(Failure::Unusable(error))) => return Err(error.in_file(&file).into()),
+            Some(Ok(computed)) => computed,
+        };
+        let claimed = claim(&folder, &FILES, false)?;
+        let record = ModesRecord::new(&scene.name, &at, &found);
+        let has_page = write(&claimed, &folder, &scene, &at, &record, &found).map_err(Stop::Broken)?;
+        let text = modes_text(&scene.name, &at, scene.system.dimension(), &found);
+        let names = if has_page { &FILES[..] } else { &FILES[..2] };
+        let mut text = format!("{text}  files: {} in {}", names.join(", "), folder.display());
+        if has_page {
+            text += &format!("\nopen {}", folder.join(PAGE).display());
+        }
+        console.result(&record, text)?;
+        if !found.complete && !scene.system.dofs().is_empty() {
+            warning("the eigenvalues were not counted: modes may be missing");
+        }
+        Ok(Exit::Done)
+    }
+}
+
+/// Writes the files; returns whether there is a motion that a page can play.
+fn write(
+    claimed: &OutputFolder,
+    folder: &Path,
+    scene: &LoadedScene,
+    at: &str,
+    record: &ModesRecord<'_>,
+    found: &Modes,
+) -> Result<bool> {
+    let LoadedScene { name, system, state, triangles, .. } = scene;
+    AtomicFile::write_indented_json(folder.join(FILES[0]), record)?;
+    write_modes(folder.join(FILES[1]), system, found)?;
+    let motions = mode_motions(name, at, system, found);
+    if motions.motions.is_empty() {
+        claimed.remove(PAGE)?;
+        return Ok(false);
+    }
+    let page = motions.html(SceneTopology::of(system, triangles), &state.positions);
+    let page = page.map_err(|source| Error::io(folder.join(PAGE), source))?;
+    AtomicFile::write_text(folder.join(PAGE), &page)?;
+    Ok(true)
+}

@@ -1,0 +1,595 @@
+//! Static equilibrium: a minimum of the energy.
+//!
+//! ```text
+//! f_el(x) + λ (M g + f_ext) = 0  on the free coordinates,      E(x) = Σ ½ k (l − l0)²/l0 − λ Σ (m g + f)·x,      λ = 1
+//! ```
+//!
+//! **Newton's method** with `−K(x) p = f` and a line search on E. Where −K is not positive definite the step is solved with option *tension*, without the
+//! transverse terms of compressed springs, on demand: only in that step. Regularising every step, shifting −K by a multiple of the identity, or taking
+//! absolute values of its negative eigenvalues needs several times as many steps for springs.
+//!
+//! **Differences of E** are sums of rounding errors near the minimum. There the trapezoidal rule `−½ (f(x) + f(x + p))·p`, exact to third order in p,
+//! has no cancellation and takes over.
+//!
+//! **The verdict** is the inertia of −K at the end: negative eigenvalues make a saddle, from which the search goes on along the lowest mode; eigenvalues of
+//! zero leave the scene free to move. A body that no support holds against a load has no equilibrium; it is found before the search.
+//!
+//! **Gradient.** For a cost J with `∂J/∂x = x̄` at the equilibrium, `−K λ = x̄` and `dJ/dp = λᵀ ∂f/∂p` for a parameter p (implicit function theorem).
+
+mod load_path;
+
+pub use load_path::{CriticalKind, CriticalLoad, LoadPath, load_path};
+
+use crate::assembly::SymmetricMatrix;
+use crate::eigen::{Accuracy, End, Pencil, ShiftInvert};
+use crate::error::{Error, Invalid, Result, check_length};
+use crate::force::{SpringGeometry, add_elastic_differential, add_elastic_force, add_external_forces, add_weight};
+use crate::gradient::{Parameters, Point};
+use crate::integrate::Matrices;
+use crate::linear::{Cholesky, Ldlt, dot};
+use crate::operator::LinearOperator;
+use crate::rigid::bodies;
+use crate::spring::Stiffness;
+use crate::system::{State, StateView, System};
+use crate::work::Work;
+use faer::Par;
+use nalgebra::Vector3;
+
+/// How an equilibrium is searched for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EquilibriumOptions {
+    /// The largest force left over the largest force that acts, at most.
+    pub tolerance: f64,
+    /// Newton steps at most.
+    pub iterations: usize,
+    /// The factor λ of gravity and loads.
+    pub load: f64,
+    /// Whether the search goes on from a saddle.
+    pub leave_saddles: bool,
+}
+
+impl Default for EquilibriumOptions {
+    fn default() -> Self {
+        Self { tolerance: 1e-10, iterations: 2000, load: 1.0, leave_saddles: true }
+    }
+}
+
+/// The kind of an equilibrium.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stability {
+    /// A minimum of the energy: −K is positive definite.
+    Stable,
+    /// −K has eigenvalues of zero and none below: the scene can move freely.
+    Indifferent,
+    /// A saddle: −K has negative eigenvalues.
+    Unstable,
+    /// There is none: a body falls.
+    None,
+    /// None was found within the iterations.
+    NotConverged,
+}
+
+impl Stability {
+    /// As in files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stable => "stable",
+            Self::Indifferent => "indifferent",
+            Self::Unstable => "unstable",
+            Self::None => "none",
+            Self::NotConverged => "not-converged",
+        }
+    }
+}
+
+/// Numbers of eigenvalues by their signs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Signs {
+    /// Below zero.
+    pub negative: usize,
+    /// Within rounding, and what the force that is left may change, of zero.
+    pub zero: usize,
+    /// Above zero.
+    pub positive: usize,
+}
+
+/// Where a search for an equilibrium ended.
+#[derive(Debug, Clone)]
+pub struct Equilibrium {
+    /// The kind.
+    pub stability: Stability,
+    /// The last configuration, at rest.
+    pub state: State,
+    /// λ, the factor of gravity and loads.
+    pub load: f64,
+    /// The largest force left on a free coordinate over the largest force that acts; where next to nothing acts, over what strains by rounding exert,
+    /// times 1e11.
+    pub residual: f64,
+    /// E, in J, of springs, weight and constant loads.
+    pub energy: f64,
+    /// Newton steps.
+    pub iterations: usize,
+    /// Of −K at the end.
+    pub inertia: Signs,
+    /// The lowest eigenvalue of −K with its direction over the free degrees of freedom, where that is not positive.
+    pub lowest: Option<(f64, Vec<f64>)>,
+    /// Particles of bodies that nothing holds against their load.
+    pub falling: Vec<usize>,
+    /// Factorizations, solves and what else was done.
+    pub work: Work,
+}
+
+/// The equilibrium that is reached downhill from a state.
+///
+/// # Errors
+/// A state of another system; coincident ends of a spring at the start; a matrix that is too large to factor; options that cannot be used.
+///
+/// # Examples
+/// ```
+/// use sprung::equilibrium::{EquilibriumOptions, Stability, equilibrium};
+/// use sprung::{Spring, SystemBuilder};
+///
+/// // 2 kg on a spring of 100 N, 1 m long: stretched to 1 + 2·9.81/100 m.
+/// let mut builder = SystemBuilder::new();
+/// builder.gravity(0.0, -9.81, 0.0);
+/// builder.particle([0.0, 0.0, 0.0], 1.0);
+/// builder.particle([0.6, -0.8, 0.0], 2.0);
+/// builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 1.0, damping: 0.0 });
+/// builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// let found = equilibrium(&system, &state, EquilibriumOptions::default())?;
+/// assert_eq!(found.stability, Stability::Stable);
+/// assert!((found.state.positions[1].y + 1.1962).abs() < 1e-10);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn equilibrium(system: &System, state: &State, options: EquilibriumOptions) -> Result<Equilibrium> {
+    let is_fraction = |value: f64| value > 0.0 && value < 1.0;
+    if !is_fraction(options.tolerance) {
+        return Err(Invalid::new("tolerance", options.tolerance, "must be between 0 and 1").into());
+    }
+    if !options.load.is_finite() {
+        return Err(Invalid::new("load", options.load, "must be finite").into());
+    }
+    if system.external_forces().next().is_some() {
+        return Err(Error::Unsupported(
+            "a force from outside of the caller's own has no potential, which the search needs".into(),
+        ));
+    }
+    let mut search = Search::new(system, state, options)?;
+    search.falling = falling(system, &search.state, options.load);
+    if search.falling.is_empty() { search.run() } else { search.end(Stability::None) }
+}
+
+/// Particles of bodies with an unsupported axis along which loads do not cancel.
+fn falling(system: &System, state: &State, load: f64) -> Vec<usize> {
+    let forces = loads(system, state, load);
+    let mut found = Vec::new();
+    for body in bodies(system) {
+        let members = || body.particles.iter().chain(&body.anchors);
+        let falls = (0..system.dimension()).any(|axis| {
+            let is_free = members().all(|&p| system.dofs().free_axes(p).contains(axis));
+            let [sum, size] = body
+                .particles
+                .iter()
+                .fold([0.0, 0.0], |[sum, size], &p| [sum + forces[p][axis], size + forces[p][axis].abs()]);
+            is_free && sum.abs() > 1e-12 * size
+        });
+        if falls {
+            found.extend(&body.particles);
+        }
+    }
+    found
+}
+
+/// Weight and loads on every particle at rest, times a factor, in N.
+fn loads(system: &System, state: &State, factor: f64) -> Vec<Vector3<f64>> {
+    let rest = vec![Vector3::zeros(); system.particles()];
+    let mut forces = rest.clone();
+    add_weight(system, &mut forces);
+    add_external_forces(system, &StateView { velocities: &rest, ..state.moment() }, &mut forces);
+    forces.iter_mut().for_each(|f| *f *= factor);
+    forces
+}
+
+/// Sufficient decrease of E: the part of the slope that counts (Nocedal and Wright, Numerical Optimization, 3.1).
+const ARMIJO: f64 = 1e-4;
+
+/// Halvings of a step at most.
+const HALVINGS: usize = 50;
+
+/// Part of the terms of E below which its differences are taken from forces: far above rounding, far below what the rule neglects.
+const CANCELLED: f64 = 1e-9;
+
+/// An eigenvalue of −K counts as zero up to this part of ‖K‖.
+const ZERO: f64 = 1e-11;
+
+/// Saddles that a search leaves at most.
+const SADDLES: usize = 50;
+
+struct Search<'s> {
+    system: &'s System,
+    options: EquilibriumOptions,
+    matrices: Matrices<'s>,
+    cholesky: Cholesky,
+    state: State,
+    geometry: SpringGeometry,
+    loads: Vec<Vector3<f64>>,
+    /// Net forces on the free coordinates, and the largest force that acts.
+    force: Vec<f64>,
+    acting: f64,
+    least_acting: f64,
+    energy: f64,
+    iterations: usize,
+    saddles: usize,
+    falling: Vec<usize>,
+    lowest: Option<(f64, Vec<f64>)>,
+    work: Work,
+}
+
+impl<'s> Search<'s> {
+    fn new(system: &'s System, state: &State, options: EquilibriumOptions) -> Result<Self> {
+        state.check(system)?;
+        let mut state = state.clone();
+        state.velocities.fill(Vector3::zeros());
+        let geometry = SpringGeometry::at(system, &state)?;
+        let matrices = Matrices::new(system)?;
+        let work = Work { symbolic_factorizations: 1, ..Work::default() };
+        let mut search = Self {
+            cholesky: Cholesky::analyse(matrices.k().pattern(), Par::rayon(0))?,
+            loads: loads(system, &state, options.load),
+            force: vec![0.0; system.dofs().len()],
+            system,
+            options,
+            matrices,
+            state,
+            geometry,
+            acting: 0.0,
+            least_acting: 0.0,
+            energy: 0.0,
+            iterations: 0,
+            saddles: 0,
+            falling: Vec::new(),
+            lowest: None,
+            work,
+        };
+        search.least_acting = search.least_acting();
+        search.evaluate();
+        Ok(search)
+    }
+
+    /// Forces and E at the positions of `geometry`.
+    fn evaluate(&mut self) {
+        let Self { system, geometry, loads, state, .. } = self;
+        self.work.force_evaluations += 1;
+        let largest = |forces: &[Vector3<f64>]| forces.iter().fold(0.0f64, |largest, f| largest.max(f.amax()));
+        let mut forces = vec![Vector3::zeros(); system.particles()];
+        add_elastic_force(system, geometry, &mut forces);
+        let tension = geometry.springs(system).map(|((_, _, spring), at)| spring.elastic_force(at).norm());
+        self.acting = tension.fold(largest(loads).max(self.least_acting), f64::max);
+        forces.iter_mut().zip(loads.iter()).for_each(|(f, load)| *f += load);
+        system.dofs().gather(&forces, &mut self.force);
+        let elastic: f64 =
+            geometry.springs(system).map(|((number, ..), at)| system.elastic_energy(number, at, state.time)).sum();
+        self.energy = elastic - loads.iter().zip(&state.positions).map(|(f, x)| f.dot(x)).sum::<f64>();
+    }
+
+    /// The force that rounding of positions gives to the stiffest spring, over the smallest tolerance: where nothing is strained nothing acts, and what is
+    /// left is compared with this.
+    fn least_acting(&self) -> f64 {
+        const TOLERANCE: f64 = 1e-11;
+        let extent = self.state.positions.iter().fold(0.0f64, |extent, x| extent.max(x.amax()));
+        let stiffest = self.geometry.springs(self.system).map(|((_, _, spring), _)| spring.axial_stiffness());
+        stiffest.fold(0.0, f64::max) * extent * f64::EPSILON / TOLERANCE
+    }
+
+    fn residual(&self) -> f64 {
+        let left = self.force.iter().fold(0.0f64, |largest, f| largest.max(f.abs()));
+        if left == 0.0 { 0.0 } else { left / self.acting }
+    }
+
+    fn run(mut self) -> Result<Equilibrium> {
+        loop {
+            let mut creeping = Creeping::default();
+            while self.residual() > self.options.tolerance {
+                if self.iterations == self.options.iterations {
+                    return self.end(Stability::NotConverged);
+                }
+                self.iterations += 1;
+                let (step, is_definite) = self.newton_step()?;
+                if !self.line_search(&step) {
+                    return self.end(Stability::NotConverged);
+                }
+                if self.options.leave_saddles
+                    && creeping.is_seen(is_definite, self.residual())
+                    && let Some(direction) = self.unstable_direction()?
+                {
+                    self.leave(&direction);
+                }
+            }
+            // One more step, at full length, takes the residual to rounding.
+            self.polish()?;
+            let Some(direction) = self.unstable_direction()? else {
+                let is_free = self.inertia()?.zero > 0;
+                return self.end(if is_free { Stability::Indifferent } else { Stability::Stable });
+            };
+            self.saddles += 1;
+            if !self.options.leave_saddles || self.saddles > SADDLES || !self.leave(&direction) {
+                return self.end(Stability::Unstable);
+            }
+        }
+    }
+
+    /// p of `−K p = f`, with the full K where −K is positive definite, else with option *tension*, moved away from singular; and whether it was.
+    fn newton_step(&mut self) -> Result<(Vec<f64>, bool)> {
+        for option in [Stiffness::Full, Stiffness::Tension] {
+            let mut a = self.assemble(option)?;
+            if self.factor(&a) {
+                return Ok((self.solve(), option == Stiffness::Full));
+            }
+            if option == Stiffness::Tension {
+                let norm = Some(norm_of(&a)).filter(|norm| *norm > 0.0).unwrap_or(self.acting);
+                let mut shift = 1e-9 * norm;
+                while shift < norm {
+                    a.shift(shift);
+                    if self.factor(&a) {
+                        return Ok((self.solve(), false));
+                    }
+                    shift *= 100.0;
+                }
+            }
+        }
+        // A matrix of no numbers: downhill.
+        Ok((self.force.clone(), false))
+    }
+
+    fn assemble(&mut self, option: Stiffness) -> Result<SymmetricMatrix> {
+        self.work.assemblies += 1;
+        self.matrices.update(&self.state, option)?;
+        Ok(self.matrices.k().scaled(-1.0))
+    }
+
+    fn factor(&mut self, a: &SymmetricMatrix) -> bool {
+        self.work.factorizations += 1;
+        self.cholesky.factor(a).is_ok()
+    }
+
+    fn solve(&mut self) -> Vec<f64> {
+        self.work.solves += 1;
+        let mut step = self.force.clone();
+        self.cholesky.substitute_columns(step.len(), &mut step);
+        step
+    }
+
+    /// Moves along a step until E has decreased enough; false where no length does.
+    fn line_search(&mut self, step: &[f64]) -> bool {
+        let slope = dot(&self.force, step);
+        if !(slope > 0.0 && slope.is_finite()) {
+            return false;
+        }
+        let (start, energy, force) = (self.state.positions.clone(), self.energy, self.force.clone());
+        let size = self.size();
+        // No particle moves farther than the scene is large.
+        let longest = step.iter().fold(0.0f64, |longest, u| longest.max(u.abs()));
+        let mut length = (size / longest).min(1.0);
+        for _ in 0..HALVINGS {
+            if self.place(&start, length, step) {
+                let exact = self.energy - energy;
+                let by_forces = -0.5 * length * (dot(&force, step) + dot(&self.force, step));
+                let change = if exact.abs() > CANCELLED * self.terms() { exact } else { by_forces };
+                if change <= -ARMIJO * length * slope {
+                    return true;
+                }
+            }
+            length *= 0.5;
+        }
+        self.place(&start, 0.0, step);
+        false
+    }
+
+    /// Sets positions to `start + length · step`; false where springs have no direction or numbers overflow there.
+    fn place(&mut self, start: &[Vector3<f64>], length: f64, step: &[f64]) -> bool {
+        let dofs = self.system.dofs();
+        for (p, (x, from)) in self.state.positions.iter_mut().zip(start).enumerate() {
+            *x = from + dofs.get(step, p) * length;
+        }
+        if self.geometry.update(self.system, &self.state).is_err() {
+            return false;
+        }
+        self.evaluate();
+        self.energy.is_finite()
+    }
+
+    /// The size of the terms of E.
+    fn terms(&self) -> f64 {
+        let loads = self.loads.iter().zip(&self.state.positions).map(|(f, x)| f.dot(x).abs()).sum::<f64>();
+        loads + self.energy.abs()
+    }
+
+    /// The largest extent along an axis, and at least the longest spring.
+    fn size(&self) -> f64 {
+        let extent = |axis: usize| {
+            let range = self
+                .state
+                .positions
+                .iter()
+                .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x[axis]), high.max(x[axis])]);
+            range[1] - range[0]
+        };
+        let longest = self.geometry.springs(self.system).map(|((_, _, spring), at)| at.length.max(spring.rest_length));
+        longest.fold((0..3).map(extent).fold(0.0, f64::max), f64::max)
+    }
+
+    /// One Newton step at full length, kept where it lowers the residual.
+    fn polish(&mut self) -> Result<()> {
+        if self.residual() == 0.0 {
+            return Ok(());
+        }
+        let a = self.assemble(Stiffness::Full)?;
+        let (start, before) = (self.state.positions.clone(), self.residual());
+        if self.factor(&a) {
+            let step = self.solve();
+            if !self.place(&start, 1.0, &step) || self.residual() >= before {
+                self.place(&start, 0.0, &step);
+            }
+        }
+        Ok(())
+    }
+
+    fn inertia(&mut self) -> Result<Signs> {
+        let a = self.assemble(Stiffness::Full)?;
+        let band = self.zero_band(&a);
+        let order = a.order();
+        if order == 0 {
+            return Ok(Signs::default());
+        }
+        let mut factorization = Ldlt::sharing(&self.cholesky)?;
+        let mut counts = ShiftInvert::new(Pencil::of(&a), &mut factorization, &mut self.work);
+        // A pivot that vanishes at one shift does not at another.
+        let mut below =
+            |shift: f64| (0..8).find_map(|k| counts.below(shift * (1.0 + 0.01 * f64::from(k)))).unwrap_or(0);
+        let (negative, not_positive) = (below(-band), below(band));
+        Ok(Signs { negative, zero: not_positive.saturating_sub(negative), positive: order - not_positive })
+    }
+
+    /// Eigenvalues up to this size, in N/m, are zero: rounding, and what the force that is left may change.
+    fn zero_band(&self, a: &SymmetricMatrix) -> f64 {
+        let left = self.residual() * self.acting;
+        let shortest =
+            self.geometry.iter().map(|at| at.length).filter(|length| *length > 0.0).fold(f64::INFINITY, f64::min);
+        ZERO * norm_of(a) + 10.0 * left / shortest
+    }
+
+    /// The direction of the lowest eigenvalue of −K, where that is negative.
+    fn unstable_direction(&mut self) -> Result<Option<Vec<f64>>> {
+        self.lowest = None;
+        let a = self.assemble(Stiffness::Full)?;
+        let band = self.zero_band(&a);
+        if a.order() == 0 || self.factor(&a) {
+            return Ok(None);
+        }
+        let mut factorization = Ldlt::sharing(&self.cholesky)?;
+        let mut search = ShiftInvert::new(Pencil::of(&a), &mut factorization, &mut self.work);
+        let lowest = search.extreme(End::Lowest, 1, Accuracy::CERTIFIED).into_iter().next();
+        self.lowest = lowest.filter(|pair| pair.value <= band).map(|pair| (pair.value, pair.vector));
+        Ok(self.lowest.clone().filter(|(value, _)| *value < -band).map(|(_, vector)| vector))
+    }
+
+    /// Moves off a saddle, along a direction or against it, to where E is lower.
+    fn leave(&mut self, direction: &[f64]) -> bool {
+        let (start, energy) = (self.state.positions.clone(), self.energy);
+        let longest = direction.iter().fold(0.0f64, |longest, u| longest.max(u.abs()));
+        let mut length = 0.1 * self.size() / longest;
+        for _ in 0..HALVINGS {
+            for sign in [1.0, -1.0] {
+                // Of second order in the length, so that short moves are lost in rounding.
+                if self.place(&start, sign * length, direction) && self.energy - energy < -f64::EPSILON * self.terms() {
+                    return true;
+                }
+            }
+            length *= 0.5;
+        }
+        self.place(&start, 0.0, direction);
+        false
+    }
+
+    fn end(mut self, stability: Stability) -> Result<Equilibrium> {
+        let inertia = self.inertia()?;
+        Ok(Equilibrium {
+            stability,
+            residual: self.residual(),
+            energy: self.energy,
+            iterations: self.iterations,
+            inertia,
+            lowest: self.lowest,
+            falling: self.falling,
+            work: self.work,
+            load: self.options.load,
+            state: self.state,
+        })
+    }
+}
+
+/// Watches for steps that hardly move: just beyond a limit point forces are small and −K is indefinite, and the regularised step goes by the stiffness that
+/// compressed springs would have.
+#[derive(Default)]
+struct Creeping {
+    steps: usize,
+    residual: f64,
+}
+
+impl Creeping {
+    /// Steps in a row with an indefinite −K, after which residuals are compared.
+    const STEPS: usize = 20;
+    /// The largest residual at which a slow search is taken for a creeping one.
+    const SMALL: f64 = 1e-3;
+
+    /// Whether so many steps have not halved a small residual.
+    fn is_seen(&mut self, is_definite: bool, residual: f64) -> bool {
+        if is_definite || self.steps == 0 {
+            *self = Self { steps: usize::from(!is_definite), residual };
+            return false;
+        }
+        self.steps += 1;
+        if self.steps < Self::STEPS {
+            return false;
+        }
+        let is_slow = residual < Self::SMALL && residual > 0.5 * self.residual;
+        *self = Self::default();
+        is_slow
+    }
+}
+
+fn norm_of(a: &SymmetricMatrix) -> f64 {
+    a.norm_inf(&mut vec![0.0; a.order()])
+}
+
+impl Equilibrium {
+    /// The derivatives of a cost by parameters, from its derivatives `∂J/∂x` by the positions at the equilibrium. Of positions, those of held coordinates
+    /// count; damping and velocities are zero.
+    ///
+    /// # Errors
+    /// An end that is no isolated equilibrium: −K is singular there; springs with a law of the caller's own; vectors of another length.
+    pub fn gradient(&self, system: &System, positions: &[Vector3<f64>]) -> Result<Parameters> {
+        check_length("positions", positions.len(), system.particles())?;
+        if matches!(self.stability, Stability::None | Stability::NotConverged) || self.inertia.zero > 0 {
+            return Err(Error::Unsupported(
+                "a gradient needs an isolated equilibrium: −K is singular here, or the search did not arrive".into(),
+            ));
+        }
+        if system.has_other_laws() {
+            return Err(Error::Unsupported("gradients are those of the built-in spring law".into()));
+        }
+        let mut matrices = Matrices::new(system)?;
+        matrices.update(&self.state, Stiffness::Full)?;
+        let dofs = system.dofs();
+        let mut adjoint = vec![0.0; dofs.len()];
+        dofs.gather(positions, &mut adjoint);
+        if !adjoint.is_empty() {
+            let factored = matrices.k().scaled(-1.0).ldlt();
+            let solved = factored.map_err(|error| Error::Unsupported(error.to_string()))?.solve(&adjoint)?;
+            adjoint = solved;
+        }
+        let geometry = SpringGeometry::at(system, &self.state)?;
+        let mut full = vec![Vector3::zeros(); system.particles()];
+        dofs.scatter(&adjoint, &mut full);
+        let at_rest = vec![Vector3::zeros(); system.particles()];
+        let mut result = Parameters::zeros(system);
+        let point = Point { geometry: &geometry, velocities: &at_rest, time: self.state.time };
+        result.add_force_adjoint(system, &point, &full);
+        result.masses.iter_mut().for_each(|m| *m *= self.load);
+        result.gravity *= self.load;
+        result.loads.iter_mut().for_each(|f| *f *= self.load);
+        add_elastic_differential(system, &geometry, &full, &mut result.positions);
+        // Held coordinates move f by their stiffness, and J directly.
+        for (p, (total, direct)) in result.positions.iter_mut().zip(positions).enumerate() {
+            let free = dofs.free_axes(p);
+            for axis in 0..3 {
+                total[axis] = if free.contains(axis) { 0.0 } else { total[axis] + direct[axis] };
+            }
+        }
+        Ok(result)
+    }
+}
+
+#[cfg(test)]
+mod tests;

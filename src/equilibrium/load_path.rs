@@ -1,0 +1,263 @@
+//! Load paths: equilibria from no load to the full one, and the loads at which their inertia changes.
+//!
+//! Between two equilibria whose −K have different numbers of negative eigenvalues lies a critical load. Bisection locates it. On the direction u that
+//! loses its stiffness there, and the load p, depends what it is:
+//!
+//! - `uᵀp = 0`, a bifurcation: another branch of equilibria leaves the path, as where a column buckles;
+//! - `uᵀp ≠ 0`, a limit point: the path turns back, and at a higher load the next equilibrium is far away, as where a shallow arch snaps through.
+//!
+//! Where motions are free, as those of a slack net without a load, there is no path. It begins under the first load that gives them a direction.
+//!
+//! Behind a limit point the inertia may be what it was before. It is found by the distance between neighbours on the path, which does not shrink there.
+//!
+//! **Linear buckling** estimates the first critical load from a small one: the smallest λ at which `K_a + λ K_g` is singular, K_a the axial stiffness at
+//! rest and K_g the transverse terms of the tensions per unit of load. It neglects how shape and tensions change on the way.
+
+use super::{Equilibrium, EquilibriumOptions, Stability, equilibrium, loads};
+use crate::assembly::SymmetricMatrix;
+use crate::error::{Invalid, Result};
+use crate::integrate::Matrices;
+use crate::linear::{Ldlt, dot, norm};
+use crate::spring::Stiffness;
+use crate::system::{State, System};
+use faer::Par;
+
+/// The kind of a critical load.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CriticalKind {
+    /// Other equilibria branch off.
+    Bifurcation,
+    /// The path turns back: at higher loads the next equilibrium is far away, or there is none.
+    LimitPoint,
+}
+
+impl CriticalKind {
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bifurcation => "bifurcation",
+            Self::LimitPoint => "limit point",
+        }
+    }
+}
+
+/// A load at which the inertia changes, or the path ends.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CriticalLoad {
+    /// The factor of the full load.
+    pub factor: f64,
+    /// The kind.
+    pub kind: CriticalKind,
+    /// The direction that loses its stiffness, over the free degrees of freedom, of length 1.
+    pub direction: Vec<f64>,
+}
+
+/// Equilibria under rising loads.
+#[derive(Debug, Clone)]
+pub struct LoadPath {
+    /// Factors of the full load with their equilibria, from zero to one; those followed, unstable ones too.
+    pub steps: Vec<(f64, Equilibrium)>,
+    /// Ascending.
+    pub critical: Vec<CriticalLoad>,
+    /// The first critical load by linear buckling; `None` where springs alone do not make the scene stiff, or nothing buckles.
+    pub linear_buckling: Option<f64>,
+}
+
+/// Width of the interval to which critical factors are located, and the largest number of them between two steps.
+const LOCATED: f64 = 4e-9;
+const CRITICAL: usize = 20;
+
+/// Residual of the equilibria: well below LOCATED, so that none is found beyond a limit point by what its force leaves over.
+const TOLERANCE: f64 = 1e-12;
+
+/// A jump is longer than this part of all coordinates together.
+const SMALL_JUMP: f64 = 1e-4;
+
+/// A step this many times longer than the tangent says may have jumped.
+const JUMP: f64 = 3.0;
+
+/// The equilibria of a system from no load to all of gravity and loads in `count` steps, each found from the one before, saddles included.
+///
+/// # Errors
+/// No steps; as of [`equilibrium`].
+pub fn load_path(system: &System, state: &State, count: usize) -> Result<LoadPath> {
+    if count == 0 {
+        return Err(Invalid::new("load-path", count, "must be at least 1").into());
+    }
+    let path = Path { system, load: reduced_load(system, state) };
+    let first = path.at(0.0, state)?;
+    let linear_buckling = path.linear_buckling(&first)?;
+    let mut result = LoadPath { steps: vec![(0.0, first)], critical: Vec::new(), linear_buckling };
+    for step in 1..=count {
+        let target = step as f64 / count as f64;
+        for _ in 0..CRITICAL {
+            let (factor, from) = result.steps[result.steps.len() - 1].clone();
+            if matches!(from.stability, Stability::None | Stability::NotConverged) {
+                return Ok(result);
+            }
+            let to = path.at(target, &from.state)?;
+            // Motions that were free have a direction now: what hangs has fallen, and no equilibrium led there.
+            if to.inertia.zero < from.inertia.zero {
+                result.steps.push((target, to));
+                break;
+            }
+            let Some((critical, beyond, after)) = path.critical(&from, factor, &to, target)? else {
+                result.steps.push((target, to));
+                break;
+            };
+            result.critical.push(critical);
+            // Just beyond a limit point little drives the search; under the load of the step it arrives.
+            let (beyond, after) = match after.stability {
+                Stability::NotConverged => (target, path.settled(target, &after.state)?),
+                _ => (beyond, after),
+            };
+            result.steps.push((beyond, after));
+            if beyond >= target {
+                break;
+            }
+        }
+    }
+    Ok(result)
+}
+
+fn reduced_load(system: &System, state: &State) -> Vec<f64> {
+    let mut load = vec![0.0; system.dofs().len()];
+    system.dofs().gather(&loads(system, state, 1.0), &mut load);
+    load
+}
+
+fn size(found: &Equilibrium) -> f64 {
+    found.state.positions.iter().map(|x| x.norm_squared()).sum::<f64>().sqrt()
+}
+
+struct Path<'s> {
+    system: &'s System,
+    load: Vec<f64>,
+}
+
+impl Path<'_> {
+    fn at(&self, load: f64, from: &State) -> Result<Equilibrium> {
+        let options =
+            EquilibriumOptions { load, tolerance: TOLERANCE, leave_saddles: false, ..EquilibriumOptions::default() };
+        equilibrium(self.system, from, options)
+    }
+
+    /// The equilibrium downhill, away from saddles.
+    fn settled(&self, load: f64, from: &State) -> Result<Equilibrium> {
+        equilibrium(self.system, from, EquilibriumOptions { load, ..EquilibriumOptions::default() })
+    }
+
+    fn distance(&self, a: &Equilibrium, b: &Equilibrium) -> f64 {
+        let pairs = a.state.positions.iter().zip(&b.state.positions);
+        pairs.map(|(a, b)| (a - b).norm_squared()).sum::<f64>().sqrt()
+    }
+
+    /// `−K` at a configuration.
+    fn stiffness(&self, state: &State, option: Stiffness) -> Result<SymmetricMatrix> {
+        let mut matrices = Matrices::new(self.system)?;
+        matrices.update(state, option)?;
+        Ok(matrices.k().scaled(-1.0))
+    }
+
+    /// Whether a step is much longer than the tangents of the path at its ends say, so that it may have left the path. Near a limit point the tangent is long
+    /// before the jump and short behind it.
+    fn may_have_jumped(&self, from: &Equilibrium, to: &Equilibrium, change: f64) -> Result<bool> {
+        if to.stability == Stability::NotConverged {
+            return Ok(true);
+        }
+        let distance = self.distance(from, to);
+        if distance <= SMALL_JUMP * size(from) {
+            return Ok(false);
+        }
+        let mut shortest = f64::INFINITY;
+        for end in [from, to] {
+            let a = self.stiffness(&end.state, Stiffness::Full)?;
+            let tangent = a.ldlt().ok().and_then(|mut factored| factored.solve(&self.load).ok());
+            shortest = shortest.min(tangent.map_or(0.0, |tangent| norm(&tangent)));
+        }
+        Ok(distance > JUMP * change * shortest)
+    }
+
+    /// The first critical load between two equilibria, with the first factor beyond it and the equilibrium there.
+    fn critical(
+        &self,
+        from: &Equilibrium,
+        factor: f64,
+        to: &Equilibrium,
+        target: f64,
+    ) -> Result<Option<(CriticalLoad, f64, Equilibrium)>> {
+        let changes = |from: &Equilibrium, to: &Equilibrium| to.inertia.negative != from.inertia.negative;
+        if !changes(from, to) && !self.may_have_jumped(from, to, target - factor)? {
+            return Ok(None);
+        }
+        let (mut low, mut high) = ((factor, from.clone()), (target, to.clone()));
+        while high.0 - low.0 > LOCATED {
+            let middle = 0.5 * (low.0 + high.0);
+            let found = self.at(middle, &low.1.state)?;
+            let is_beyond = changes(&low.1, &found) || self.may_have_jumped(&low.1, &found, middle - low.0)?;
+            if is_beyond {
+                high = (middle, found);
+            } else {
+                low = (middle, found);
+            }
+        }
+        let jumped =
+            high.1.stability == Stability::NotConverged || self.distance(&low.1, &high.1) > SMALL_JUMP * size(&low.1);
+        if !jumped && !changes(&low.1, &high.1) {
+            return Ok(None);
+        }
+        let direction = self.softest(&low.1.state)?;
+        let along = dot(&direction, &self.load).abs() / norm(&self.load);
+        let kind = if jumped || along > 1e-3 { CriticalKind::LimitPoint } else { CriticalKind::Bifurcation };
+        Ok(Some((CriticalLoad { factor: 0.5 * (low.0 + high.0), kind, direction }, high.0, high.1)))
+    }
+
+    /// The eigenvector of the eigenvalue of −K nearest to zero, by inverse iteration.
+    fn softest(&self, state: &State) -> Result<Vec<f64>> {
+        let a = self.stiffness(state, Stiffness::Full)?;
+        let mut direction: Vec<f64> = (0..a.pattern().order()).map(|row| 1.0 + 0.5 * (row as f64).sin()).collect();
+        if let Ok(mut factored) = a.ldlt() {
+            for _ in 0..20 {
+                direction = factored.solve(&direction)?;
+                let length = norm(&direction);
+                direction.iter_mut().for_each(|u| *u /= length);
+            }
+        }
+        Ok(direction)
+    }
+
+    /// The smallest λ up to 1e6 at which `K_a + λ K_g` is singular.
+    fn linear_buckling(&self, rest: &Equilibrium) -> Result<Option<f64>> {
+        /// Of the full load: small, so that tensions are linear in it.
+        const SMALL: f64 = 1e-6;
+        const MOST: f64 = 1e6;
+        if self.load.iter().all(|f| *f == 0.0) || rest.stability != Stability::Stable {
+            return Ok(None);
+        }
+        let little = self.at(SMALL, &rest.state)?;
+        let axial = self.stiffness(&little.state, Stiffness::Axial)?;
+        let full = self.stiffness(&little.state, Stiffness::Full)?;
+        let mut factorization = Ldlt::analyse(axial.pattern(), Par::rayon(0))?;
+        let mut is_positive = |factor: f64| {
+            let part = factor / SMALL;
+            let a = axial.scaled(1.0 - part).plus(&full.scaled(part));
+            factorization.factor(&a).is_ok() && factorization.pivots().all(|(_, d)| d > 0.0)
+        };
+        if !is_positive(0.0) {
+            return Ok(None);
+        }
+        let (mut low, mut high) = (0.0, SMALL);
+        while is_positive(high) {
+            low = high;
+            high *= 2.0;
+            if high > MOST {
+                return Ok(None);
+            }
+        }
+        while high - low > 1e-10 * high {
+            let middle = 0.5 * (low + high);
+            if is_positive(middle) { low = middle } else { high = middle }
+        }
+        Ok(Some(0.5 * (low + high)))
+    }
+}

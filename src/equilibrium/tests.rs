@@ -1,0 +1,329 @@
+use super::*;
+use crate::spring::Spring;
+use crate::system::{Constraint, Loads, SystemBuilder};
+use rand::rngs::Xoshiro256PlusPlus;
+use rand::{RngExt, SeedableRng};
+
+fn spring(stiffness: f64, rest_length: f64) -> Spring {
+    Spring { stiffness, rest_length, damping: 0.0 }
+}
+
+fn find(system: &System, state: &State) -> Equilibrium {
+    equilibrium(system, state, EquilibriumOptions::default()).unwrap()
+}
+
+/// N links under their own weight, dropped from the horizontal: link k carries the masses below it.
+#[test]
+fn a_hanging_chain_is_stretched_link_by_link() {
+    let (count, mass, k) = (12, 0.5, 400.0);
+    let mut builder = SystemBuilder::new();
+    builder.gravity(0.0, -9.81, 0.0);
+    for p in 0..=count {
+        builder.particle([0.1 * p as f64, 0.0, 0.0], mass);
+    }
+    for p in 0..count {
+        builder.spring(p, p + 1, spring(k, 0.1));
+    }
+    builder.hold(0);
+    let (system, state) = builder.build().unwrap();
+    let found = find(&system, &state);
+    assert_eq!(found.stability, Stability::Stable);
+    assert!(found.residual < 1e-12, "{}", found.residual);
+    for p in 0..count {
+        let length = 0.1 * (1.0 + (count - p) as f64 * mass * 9.81 / k);
+        assert!((found.state.positions[p].y - found.state.positions[p + 1].y - length).abs() < 1e-11);
+    }
+}
+
+/// A straight column between a wall and a slider pressed together, free across: straight is a saddle, from which it buckles; without leaving it the
+/// saddle is the answer.
+#[test]
+fn a_column_buckles_off_its_saddle() {
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    for x in [0.0, 0.8, 1.6] {
+        builder.particle([x, 0.0, 0.0], 1.0);
+    }
+    builder.spring(0, 1, spring(10.0, 1.0));
+    builder.spring(1, 2, spring(10.0, 1.0));
+    builder.hold(0).hold(2);
+    let (system, state) = builder.build().unwrap();
+    let options = EquilibriumOptions { leave_saddles: false, ..EquilibriumOptions::default() };
+    let saddle = equilibrium(&system, &state, options).unwrap();
+    assert_eq!((saddle.stability, saddle.inertia), (Stability::Unstable, Signs { negative: 1, zero: 0, positive: 1 }));
+    // 2 T/l with T = −2.
+    assert!((saddle.lowest.unwrap().0 + 5.0).abs() < 1e-9);
+    let found = find(&system, &state);
+    assert_eq!(found.stability, Stability::Stable);
+    assert!((found.state.positions[1].y.abs() - 0.6).abs() < 1e-10 && found.energy < 1e-20, "{found:?}");
+}
+
+/// Without a load a free body is indifferent, with one it falls, all of it and nothing else; on rollers it falls only along them.
+#[test]
+fn bodies_that_nothing_holds_are_named() {
+    let build = |axes: &[usize], gravity: [f64; 3]| {
+        let mut builder = SystemBuilder::new();
+        builder.gravity(gravity[0], gravity[1], gravity[2]);
+        for x in [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [5.0, 0.0, 0.0], [6.1, 0.0, 0.0]] {
+            builder.particle(x, 1.0);
+        }
+        builder.spring(0, 1, spring(10.0, 0.9));
+        builder.spring(2, 3, spring(10.0, 1.0));
+        builder.hold(0);
+        builder.constrain(Constraint { axes: crate::system::Axes::of(axes), ..Constraint::hold([2, 3]) });
+        builder.build().unwrap()
+    };
+    let (system, state) = build(&[], [0.0; 3]);
+    let found = find(&system, &state);
+    // Five rigid motions of the bar, two of the pendulum.
+    assert_eq!((found.stability, found.inertia), (Stability::Indifferent, Signs { negative: 0, zero: 7, positive: 2 }));
+    assert!(found.gradient(&system, &state.positions).is_err());
+    let (system, state) = build(&[], [0.0, -9.81, 0.0]);
+    let found = find(&system, &state);
+    assert_eq!((found.stability, found.falling), (Stability::None, vec![2, 3]));
+    let (system, state) = build(&[1], [0.0, -9.81, 0.0]);
+    assert_eq!(find(&system, &state).stability, Stability::Indifferent);
+}
+
+/// Random nets in space, thrown about, hung or free: what is called a minimum is one, by a dense eigenvalue solver, and no force is left.
+#[test]
+fn minima_are_minima() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(11_2026);
+    for trial in 0..60 {
+        let size = 3 + trial % 3;
+        let mut builder = SystemBuilder::new();
+        builder.gravity(0.0, if trial % 2 == 0 { -9.81 } else { 0.0 }, 0.0);
+        let number = |i: usize, j: usize| i * size + j;
+        let amount = [0.0, 0.3, 1.0][trial % 3];
+        for i in 0..size {
+            for j in 0..size {
+                let x = [i as f64, 0.0, j as f64].map(|x| x + amount * rng.random_range(-1.0..1.0));
+                builder.particle(x, rng.random_range(0.1..1.0));
+            }
+        }
+        for i in 0..size {
+            for j in 0..size {
+                for (a, b) in [(1, 0), (0, 1), (1, 1)] {
+                    if i + a < size && j + b < size {
+                        let length = f64::hypot(a as f64, b as f64);
+                        builder.spring(
+                            number(i, j),
+                            number(i + a, j + b),
+                            spring(rng.random_range(10.0..1000.0), length),
+                        );
+                    }
+                }
+            }
+        }
+        builder.hold(0).hold(number(0, size - 1));
+        let (system, state) = builder.build().unwrap();
+        let found = find(&system, &state);
+        assert!(
+            matches!(found.stability, Stability::Stable | Stability::Indifferent),
+            "{trial}: {:?}",
+            found.stability
+        );
+        assert!(found.residual <= 1e-10 && found.iterations < 1000, "{trial}: {} {}", found.residual, found.iterations);
+        let mut matrices = Matrices::new(&system).unwrap();
+        matrices.update(&found.state, Stiffness::Full).unwrap();
+        let eigenvalues = -nalgebra::DMatrix::from(&matrices.k().to_csc()).symmetric_eigenvalues();
+        let scale = eigenvalues.amax();
+        assert!(eigenvalues.min() > -1e-9 * scale, "{trial}");
+        if found.stability == Stability::Stable {
+            assert!(eigenvalues.min() > 0.0, "{trial}");
+        }
+    }
+}
+
+/// Taylor's theorem for a random cost at a hanging net: what the gradient leaves is of second order in the change, for every kind of parameter.
+#[test]
+fn the_gradient_is_that_of_the_equilibrium() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
+    let mut random = || rng.random_range(-1.0..1.0);
+    let places: Vec<[f64; 3]> = (0..9).map(|p| [f64::from(p % 3), 0.0, f64::from(p / 3)]).collect();
+    let edges = [
+        [0, 1],
+        [1, 2],
+        [3, 4],
+        [4, 5],
+        [6, 7],
+        [7, 8],
+        [0, 3],
+        [3, 6],
+        [1, 4],
+        [4, 7],
+        [2, 5],
+        [5, 8],
+        [0, 4],
+        [4, 8],
+        [2, 4],
+        [4, 6],
+    ];
+    let cost: Vec<Vector3<f64>> = (0..9).map(|_| Vector3::from_fn(|_, _| random())).collect();
+    let change: Vec<f64> = (0..64).map(|_| random()).collect();
+    let build = |h: f64| {
+        let mut builder = SystemBuilder::new();
+        builder.gravity(h * change[60], -9.81 + h * change[61], h * change[62]);
+        for (p, x) in places.iter().enumerate() {
+            let moved = if [0, 2, 6].contains(&p) { h * change[50 + p] } else { 0.0 };
+            builder.particle([x[0] + moved, x[1], x[2] - moved], 1.0 + h * change[40 + p]);
+        }
+        for (s, [i, j]) in edges.into_iter().enumerate() {
+            builder.spring(i, j, spring(100.0 * (1.0 + h * change[s]), 1.1 + h * change[20 + s]));
+        }
+        builder.hold(0).hold(2).hold(6);
+        let (system, state) = builder.build().unwrap();
+        let mut forces = vec![Vector3::zeros(); 9];
+        forces[5] = Vector3::new(1.0, 2.0 + h * change[63], 3.0);
+        (system.with_loads(Loads { forces, ..Loads::default() }).unwrap(), state)
+    };
+    let (system, state) = build(0.0);
+    let base = find(&system, &state);
+    let gradient = base.gradient(&system, &cost).unwrap();
+    let mut slope =
+        gradient.gravity.dot(&Vector3::new(change[60], change[61], change[62])) + gradient.loads[5].y * change[63];
+    for p in 0..9 {
+        slope +=
+            gradient.masses[p] * change[40 + p] + (gradient.positions[p].x - gradient.positions[p].z) * change[50 + p];
+    }
+    for s in 0..edges.len() {
+        slope += 100.0 * gradient.stiffness[s] * change[s] + gradient.rest_lengths[s] * change[20 + s];
+    }
+    let value = |found: &Equilibrium| found.state.positions.iter().zip(&cost).map(|(x, c)| x.dot(c)).sum::<f64>();
+    let remainders = [0.02, 0.01, 0.005, 0.0025].map(|h| {
+        let (system, _) = build(h);
+        let mut from = base.state.clone();
+        from.prescribe(&system);
+        (value(&find(&system, &from)) - value(&base) - h * slope).abs()
+    });
+    for pair in remainders.windows(2) {
+        let order = (pair[0] / pair[1]).log2();
+        assert!((1.85..2.15).contains(&order), "{remainders:?}");
+    }
+}
+
+#[test]
+fn options_that_cannot_be_used_are_errors() {
+    let (system, state) = crate::system::fixtures::row(3);
+    for tolerance in [0.0, 1.0, -1.0, f64::NAN] {
+        assert!(
+            equilibrium(&system, &state, EquilibriumOptions { tolerance, ..EquilibriumOptions::default() }).is_err()
+        );
+    }
+    assert!(
+        equilibrium(&system, &state, EquilibriumOptions { load: f64::NAN, ..EquilibriumOptions::default() }).is_err()
+    );
+    let found = find(&system, &state);
+    assert!(found.gradient(&system, &[]).is_err());
+}
+
+/// A shallow truss of two bars, pushed down at its top: the load of the textbook, P = 2k (1 − (a/l0)^{2/3})^{3/2}, is a limit point.
+#[test]
+fn a_shallow_truss_snaps_through_at_the_load_of_the_textbook() {
+    let (k, half, height) = (1000.0, 1.0, 0.3);
+    let length = f64::hypot(half, height);
+    let limit = 2.0 * k * (1.0 - (half / length).powf(2.0 / 3.0)).powf(1.5);
+    let build = |load: f64| {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        builder.particle([-half, 0.0, 0.0], 1.0);
+        builder.particle([half, 0.0, 0.0], 1.0);
+        builder.particle([0.0, height, 0.0], 1.0);
+        builder.spring(0, 2, spring(k, length));
+        builder.spring(1, 2, spring(k, length));
+        builder.hold(0).hold(1);
+        let (system, state) = builder.build().unwrap();
+        let forces = vec![Vector3::zeros(), Vector3::zeros(), Vector3::new(0.0, -load, 0.0)];
+        (system.with_loads(Loads { forces, ..Loads::default() }).unwrap(), state)
+    };
+    let (system, state) = build(1.7 * limit);
+    let path = load_path(&system, &state, 10).unwrap();
+    assert_eq!(path.critical.len(), 1, "{:?}", path.critical);
+    assert_eq!(path.critical[0].kind, CriticalKind::LimitPoint);
+    assert!((path.critical[0].factor * 1.7 - 1.0).abs() < 1e-8, "{}", path.critical[0].factor * 1.7);
+    assert!(path.steps[path.steps.len() - 1].1.state.positions[2].y < -height);
+    let (system, state) = build(0.99 * limit);
+    assert!(load_path(&system, &state, 10).unwrap().critical.is_empty());
+}
+
+/// Just beyond the limit point forces are tiny and −K is indefinite: the search does not creep but snaps through, and a path goes on behind it.
+#[test]
+fn searches_do_not_creep_beyond_a_limit_point() {
+    let (k, height) = (1000.0, 0.3);
+    let length = f64::hypot(1.0, height);
+    let limit = 2.0 * k * (1.0 - length.recip().powf(2.0 / 3.0)).powf(1.5);
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    for x in [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, height, 0.0]] {
+        builder.particle(x, 1.0);
+    }
+    builder.spring(0, 2, spring(k, length));
+    builder.spring(1, 2, spring(k, length));
+    builder.hold(0).hold(1);
+    let (system, state) = builder.build().unwrap();
+    let loaded = |load: f64| {
+        let forces = vec![Vector3::zeros(), Vector3::zeros(), Vector3::new(0.0, -load, 0.0)];
+        system.clone().with_loads(Loads { forces, ..Loads::default() }).unwrap()
+    };
+    let below = find(&loaded(limit * (1.0 - 1e-8)), &state);
+    assert!(below.state.positions[2].y > 0.0);
+    let above = find(&loaded(limit * (1.0 + 1e-8)), &below.state);
+    assert_eq!(above.stability, Stability::Stable);
+    assert!(above.state.positions[2].y < -height && above.iterations < 100, "{above:?}");
+    let path = load_path(&loaded(1.7 * limit), &state, 7).unwrap();
+    let (factor, last) = path.steps.last().unwrap();
+    assert_eq!((*factor, last.stability, path.critical.len()), (1.0, Stability::Stable, 1));
+}
+
+/// A slack chain has no state without a load, and what happens there is no critical load.
+#[test]
+fn a_path_of_a_slack_chain_begins_with_its_load() {
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    builder.gravity(0.0, -9.81, 0.0);
+    for x in [0.0, 1.0, 2.0, 3.0] {
+        builder.particle([x, 0.0, 0.0], 1.0);
+    }
+    for p in 0..3 {
+        builder.spring(p, p + 1, spring(100.0, 1.0));
+    }
+    builder.hold(0).hold(3);
+    let (system, state) = builder.build().unwrap();
+    let path = load_path(&system, &state, 4).unwrap();
+    assert!(path.steps[0].1.inertia.zero > 0 && path.critical.is_empty(), "{:?}", path.critical);
+    assert_eq!((path.steps.len(), path.steps[4].1.stability), (5, Stability::Stable));
+}
+
+/// A column of two bars braced by a spring across buckles sideways where the brace is too soft, 2P/l = κ: a bifurcation, which linear buckling
+/// estimates well.
+#[test]
+fn a_braced_column_bifurcates() {
+    let (k, brace) = (1e4, 50.0);
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    for x in [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 2.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]] {
+        builder.particle(x, 1.0);
+    }
+    builder.spring(0, 1, spring(k, 1.0));
+    builder.spring(1, 2, spring(k, 1.0));
+    builder.spring(1, 3, spring(brace / 2.0, 1.0));
+    builder.spring(1, 4, spring(brace / 2.0, 1.0));
+    builder.hold(0).hold(3).hold(4);
+    builder.constrain(Constraint { axes: crate::system::Axes::of(&[0]), ..Constraint::hold([2]) });
+    let (system, state) = builder.build().unwrap();
+    let load = 40.0;
+    let forces =
+        vec![Vector3::zeros(), Vector3::zeros(), Vector3::new(0.0, -load, 0.0), Vector3::zeros(), Vector3::zeros()];
+    let system = system.with_loads(Loads { forces, ..Loads::default() }).unwrap();
+    let path = load_path(&system, &state, 5).unwrap();
+    assert_eq!((path.critical.len(), path.critical[0].kind), (1, CriticalKind::Bifurcation));
+    // Bars of length 1 − P/k: 2P/(1 − P/k) equals the stiffness of the brace across, whose own bar has sunk by P/k.
+    let sideways = |factor: f64| {
+        let p = factor * load;
+        let (l, sunk) = (1.0 - p / k, p / k);
+        let across = f64::hypot(1.0, sunk);
+        let tension = brace * (across - 1.0);
+        let n = 1.0 / across;
+        let stiffness = brace * n * n + tension / across * (1.0 - n * n);
+        stiffness - 2.0 * p / l
+    };
+    let found = path.critical[0].factor;
+    assert!(sideways(found).abs() < 0.05, "{found} {}", sideways(found));
+    assert!((path.linear_buckling.unwrap() - found).abs() < 0.02 * found, "{:?} {found}", path.linear_buckling);
+    assert!(path.critical[0].direction[0].abs() > 0.9);
+}

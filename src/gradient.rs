@@ -1,0 +1,461 @@
+//! Gradients through a motion: discrete adjoints, exact for the numbers that a run computes.
+//!
+//! **One core.** Backward Euler over τ from (x̃, ṽ) solves
+//!
+//! ```text
+//! M (x' − x̃ − τ ṽ)/τ² = F(x', w),      w = v' = (x' − x̃)/τ,
+//! ```
+//!
+//! and three methods are made of it: backward Euler itself; BDF2, with `x̃ = x + β (x − x₋)`, `ṽ = v + β (v − v₋)`; and the implicit midpoint rule, a core
+//! step of half the length with `x' = 2x_m − x`, `v' = 2v_m − v`. With cotangents x̄', v̄' of its result and `J = M/τ² − K − G/τ − D`, `D = ∂f_d/∂x`,
+//!
+//! ```text
+//! Jᵀ λ = x̄' + v̄'/τ,    x̃bar = −v̄'/τ + (M/τ² − G/τ) λ,    ṽbar = M λ/τ,    p̄ += (∂F/∂p)ᵀ λ,    m̄ += −λ·(x' − x̃ − τṽ)/τ².
+//! ```
+//!
+//! J is the exact Jacobian, whatever matrix solved the step. Damping makes it unsymmetric: the factor of its symmetric part is refined with D, and where
+//! that does not converge J is factored as L U.
+//!
+//! **Verlet's method** needs products only; its acceleration is carried from step to step, and so is its cotangent.
+//!
+//! **Memory.** All states are kept where they fit. Beyond, checkpoints are set by binomial bisection (Griewank and Walther, ACM TOMS 26, 2000), and states
+//! between them computed again, to the same bits.
+
+mod jacobian;
+mod parameters;
+mod reverse;
+mod tangent;
+
+pub use parameters::Parameters;
+pub(crate) use parameters::Point;
+
+use self::jacobian::Jacobian;
+use self::reverse::{Reverse, Snapshot};
+use self::tangent::Tangent;
+use crate::error::{Error, Invalid, Result, check_length};
+use crate::force::{SpringGeometry, set_total_force};
+use crate::integrate::{BackwardEuler, ImplicitOptions, Method, NewtonOptions, StepFailure, TimeStepper};
+use crate::linear::{SolverChoice, SolverOptions};
+use crate::memory;
+use crate::simulation::Simulation;
+use crate::system::{State, System};
+use nalgebra::Vector3;
+
+/// Derivatives of a cost by the state after a step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cotangent {
+    /// The number of the step; the last state of a run is that of its number of steps, the first that of zero.
+    pub step: usize,
+    /// ∂J/∂x.
+    pub positions: Vec<Vector3<f64>>,
+    /// ∂J/∂v.
+    pub velocities: Vec<Vector3<f64>>,
+}
+
+/// Changes of positions and velocities.
+pub type StateChange = [Vec<Vector3<f64>>; 2];
+
+/// A run whose end, and whatever was on the way, can be differentiated.
+///
+/// # Examples
+/// ```
+/// use sprung::gradient::{Cotangent, DifferentiableRun};
+/// use sprung::nalgebra::Vector3;
+/// use sprung::{Method, Spring, SystemBuilder};
+///
+/// let mut builder = SystemBuilder::new();
+/// builder.particle([0.0, 0.0, 0.0], 1.0);
+/// builder.particle([1.0, 0.0, 0.0], 1.0);
+/// builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// let run = DifferentiableRun::new(&system, &state, Method::Verlet, 1e-3, 0.1)?;
+/// // How the end depends on the stiffness: x = 2 − cos(ωt), ω² = k/2, so that ∂x/∂k = t sin(ωt)/4ω.
+/// let end = Cotangent {
+///     step: run.steps(),
+///     positions: vec![Vector3::zeros(), Vector3::x()],
+///     velocities: vec![Vector3::zeros(); 2],
+/// };
+/// let gradient = run.gradient(&[end])?;
+/// let omega = 10f64.sqrt();
+/// assert!((gradient.stiffness[0] - 0.1 * (0.1 * omega).sin() / (4.0 * omega)).abs() < 1e-6);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct DifferentiableRun<'s> {
+    system: &'s System,
+    scheme: Scheme,
+    lengths: Vec<f64>,
+    /// All states, or the first and the last.
+    records: Vec<Record>,
+    checkpoints: usize,
+}
+
+/// The methods that have an adjoint here.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Scheme {
+    BackwardEuler,
+    ImplicitMidpoint,
+    Bdf2,
+    Verlet,
+}
+
+/// A state, and the acceleration that Verlet's method carries.
+#[derive(Debug, Clone, PartialEq)]
+struct Record {
+    state: State,
+    acceleration: Vec<Vector3<f64>>,
+}
+
+/// Newton's method goes on to rounding: the adjoint is that of a step that was solved.
+const TOLERANCE: f64 = 1e-13;
+
+impl<'s> DifferentiableRun<'s> {
+    /// Runs for `duration` seconds with steps of dt, the last one shorter where dt does not divide the duration, and keeps as many states as fit in half
+    /// of the memory.
+    ///
+    /// # Errors
+    /// A method without an adjoint; a spring law or forces of the caller's own; steps or a duration that cannot be used; a state of another system; a
+    /// step that breaks down.
+    pub fn new(system: &'s System, state: &State, method: Method, dt: f64, duration: f64) -> Result<Self> {
+        let record = 2 * 72 * system.particles() as u64 + 200;
+        let room = (memory::room() / 2 / record).min(usize::MAX as u64) as usize;
+        Self::with_checkpoints(system, state, method, dt, duration, room)
+    }
+
+    /// As [`new`](Self::new), with room for a number of states.
+    ///
+    /// # Errors
+    /// As of [`new`](Self::new); room for fewer than two states.
+    pub fn with_checkpoints(
+        system: &'s System,
+        state: &State,
+        method: Method,
+        dt: f64,
+        duration: f64,
+        checkpoints: usize,
+    ) -> Result<Self> {
+        let scheme = match method {
+            Method::BackwardEuler => Scheme::BackwardEuler,
+            Method::ImplicitMidpoint => Scheme::ImplicitMidpoint,
+            Method::Bdf2 => Scheme::Bdf2,
+            Method::Verlet => Scheme::Verlet,
+            _ => {
+                let rule = "has no gradient; backward-euler, implicit-midpoint, bdf2 and verlet have one";
+                return Err(Invalid::new("method", method.name(), rule).into());
+            }
+        };
+        if system.has_other_laws() || system.external_forces().next().is_some() {
+            return Err(Error::Unsupported(
+                "gradients are those of the built-in spring law and of loads of the scene".into(),
+            ));
+        }
+        if scheme == Scheme::Verlet && system.prescribed().moves() && system.is_damped() {
+            return Err(Error::Unsupported(
+                "verlet has no gradient with damping and moving constraints; bdf2 has one".into(),
+            ));
+        }
+        for (name, value, is_right) in [("dt", dt, dt > 0.0), ("duration", duration, duration >= 0.0)] {
+            if !(value.is_finite() && is_right) {
+                return Err(Invalid::new(name, value, "must be finite and positive").into());
+            }
+        }
+        if checkpoints < 2 {
+            return Err(Invalid::new("checkpoints", checkpoints, "must be at least 2").into());
+        }
+        state.check(system)?;
+        // A remainder within rounding of a step is none.
+        let count = (duration / dt * (1.0 - 1e-12)).ceil();
+        if count > 1e9 {
+            return Err(Invalid::new("dt", dt, "must give fewer than 1e9 steps").into());
+        }
+        let count = count as usize;
+        let mut lengths = vec![dt; count];
+        if let Some(last) = lengths.last_mut() {
+            *last = duration - dt * (count - 1) as f64;
+        }
+        let mut run = Self { system, scheme, lengths, records: Vec::new(), checkpoints };
+        let mut forward = Forward::new(&run, state)?;
+        let keeps_all = count < checkpoints;
+        run.records.push(forward.here.clone());
+        for step in 0..count {
+            forward.step(&run, step)?;
+            if keeps_all {
+                run.records.push(forward.here.clone());
+            }
+        }
+        if !keeps_all {
+            run.records.push(forward.here.clone());
+        }
+        Ok(run)
+    }
+
+    /// Steps done.
+    pub fn steps(&self) -> usize {
+        self.lengths.len()
+    }
+
+    /// The last state.
+    pub fn end(&self) -> &State {
+        &self.records[self.records.len() - 1].state
+    }
+
+    /// The states that are kept: all, the first one included, or the first and the last.
+    pub fn states(&self) -> impl ExactSizeIterator<Item = &State> + '_ {
+        self.records.iter().map(|record| &record.state)
+    }
+
+    /// The time, in s, from which a gradient says little, because the motion magnifies differences to its own size; `None` where that is later than the
+    /// end. Found by a run of the same method with its errors propagated.
+    ///
+    /// # Errors
+    /// As of [`Simulation::run`].
+    pub fn predictable_until(&self) -> Result<Option<f64>> {
+        let (Some(&dt), Some(first)) = (self.lengths.first(), self.records.first()) else { return Ok(None) };
+        let method = match self.scheme {
+            Scheme::BackwardEuler => Method::BackwardEuler,
+            Scheme::ImplicitMidpoint => Method::ImplicitMidpoint,
+            Scheme::Bdf2 => Method::Bdf2,
+            Scheme::Verlet => Method::Verlet,
+        };
+        let duration = self.lengths.iter().sum();
+        let run = Simulation::new(self.system, first.state.clone()).method(method).dt(dt).run(duration)?;
+        Ok(run.predictable_until)
+    }
+
+    /// The derivatives of a cost by all parameters, from its derivatives by states on the way: one solve a step, backwards.
+    ///
+    /// # Errors
+    /// A cotangent of a step that there is not, or of another length; a step whose Jacobian is singular.
+    pub fn gradient(&self, cotangents: &[Cotangent]) -> Result<Parameters> {
+        for cotangent in cotangents {
+            if cotangent.step > self.steps() {
+                let rule = format!("must be at most the number of steps, {}", self.steps());
+                return Err(Invalid::new("cotangent.step", cotangent.step, rule).into());
+            }
+            check_length("cotangent.positions", cotangent.positions.len(), self.system.particles())?;
+            check_length("cotangent.velocities", cotangent.velocities.len(), self.system.particles())?;
+        }
+        let mut reverse = Reverse::new(self, cotangents)?;
+        let first = Snapshot { step: 0, here: self.records[0].clone(), before: None };
+        reverse.add_cotangents(self.steps());
+        if self.records.len() == self.steps() + 1 {
+            for step in (0..self.steps()).rev() {
+                let before = step.checked_sub(1).map(|before| &self.records[before]);
+                reverse.step(step, before, &self.records[step], &self.records[step + 1])?;
+            }
+        } else {
+            reverse.sweep(&first, self.steps(), self.checkpoints)?;
+        }
+        reverse.finish(&self.records[0])
+    }
+
+    /// How the last state changes, to first order, when parameters change: forward differentiation, one solve a step. Positions and velocities.
+    ///
+    /// # Errors
+    /// Parameters of another system; a step whose Jacobian is singular.
+    pub fn tangent(&self, change: &Parameters) -> Result<StateChange> {
+        let mut found = self.tangents(std::slice::from_ref(change), &[self.steps()])?;
+        Ok(found.pop().and_then(|mut states| states.pop()).unwrap_or_default())
+    }
+
+    /// As [`tangent`](Self::tangent), for several changes at once, which share the factorization of every step, and for the states after some steps: for
+    /// each change the positions and velocities after each of the steps.
+    ///
+    /// # Errors
+    /// As of [`tangent`](Self::tangent); a step that there is not, or steps that do not ascend.
+    pub fn tangents(&self, changes: &[Parameters], steps: &[usize]) -> Result<Vec<Vec<StateChange>>> {
+        let [springs, particles] = [self.system.springs().len(), self.system.particles()];
+        for change in changes {
+            for (name, length) in
+                [("stiffness", &change.stiffness), ("rest_lengths", &change.rest_lengths), ("damping", &change.damping)]
+            {
+                check_length(name, length.len(), springs)?;
+            }
+            check_length("masses", change.masses.len(), particles)?;
+            for (name, vectors) in
+                [("loads", &change.loads), ("positions", &change.positions), ("velocities", &change.velocities)]
+            {
+                check_length(name, vectors.len(), particles)?;
+            }
+        }
+        for (index, &step) in steps.iter().enumerate() {
+            if step > self.steps() || index > 0 && step <= steps[index - 1] {
+                let rule = format!("must ascend, to at most the number of steps, {}", self.steps());
+                return Err(Invalid::new("steps", step, rule).at(index).into());
+            }
+        }
+        let first = &self.records[0];
+        let mut jacobian = Jacobian::new(self.system, &first.state)?;
+        let made = changes.iter().map(|change| Tangent::new(self, change, first, &mut jacobian));
+        let mut tangents = made.collect::<Result<Vec<_>>>()?;
+        let mut found = vec![Vec::with_capacity(steps.len()); changes.len()];
+        let record = |found: &mut Vec<Vec<_>>, tangents: &[Tangent<'_, 's>], step| {
+            if steps.contains(&step) {
+                let states = tangents.iter().map(|tangent| [tangent.positions.clone(), tangent.velocities.clone()]);
+                found.iter_mut().zip(states).for_each(|(found, state)| found.push(state));
+            }
+        };
+        record(&mut found, &tangents, 0);
+        let keeps_all = self.records.len() == self.steps() + 1;
+        let mut forward = if keeps_all { None } else { Some(Forward::new(self, &first.state)?) };
+        for step in 0..steps.last().copied().unwrap_or(0) {
+            let mut earlier = None;
+            let (before, here, next) = match &mut forward {
+                None => (
+                    step.checked_sub(1).map(|before| &self.records[before]),
+                    &self.records[step],
+                    &self.records[step + 1],
+                ),
+                Some(forward) => {
+                    earlier.clone_from(&forward.before);
+                    forward.step(self, step)?;
+                    (earlier.as_ref(), forward.before.as_ref().unwrap_or(first), &forward.here)
+                }
+            };
+            for (number, tangent) in tangents.iter_mut().enumerate() {
+                tangent.step(step, before, [here, next], &mut jacobian, number == 0)?;
+            }
+            record(&mut found, &tangents, step + 1);
+        }
+        Ok(found)
+    }
+
+    /// The time step of a core, and β of BDF2, where a step begins.
+    fn core(&self, step: usize) -> [f64; 2] {
+        let h = self.lengths[step];
+        match self.scheme {
+            Scheme::BackwardEuler | Scheme::Verlet => [h, 0.0],
+            Scheme::ImplicitMidpoint => [0.5 * h, 0.0],
+            Scheme::Bdf2 => {
+                let omega = step.checked_sub(1).map_or(0.0, |before| h / self.lengths[before]);
+                [h * (1.0 + omega) / (1.0 + 2.0 * omega), omega * omega / (1.0 + 2.0 * omega)]
+            }
+        }
+    }
+
+    /// (x̃, ṽ) of a core, at its start.
+    fn base(&self, step: usize, before: Option<&Record>, here: &State) -> State {
+        let [tau, beta] = self.core(step);
+        let mut base = here.clone();
+        base.time = here.time + self.lengths[step] - tau;
+        if self.scheme == Scheme::ImplicitMidpoint {
+            base.time = here.time;
+        }
+        if let Some(Record { state: before, .. }) = before.filter(|_| beta != 0.0) {
+            for (base, before) in [(&mut base.positions, &before.positions), (&mut base.velocities, &before.velocities)]
+            {
+                base.iter_mut().zip(before).for_each(|(x, before)| *x += (*x - before) * beta);
+            }
+        }
+        base
+    }
+
+    /// The configuration that a core solved for, with its velocities, from the states before and after it.
+    fn solved(&self, step: usize, base: &State, here: &State, next: &State) -> State {
+        let [tau, _] = self.core(step);
+        let mut solved = next.clone();
+        if self.scheme == Scheme::ImplicitMidpoint {
+            solved.time = base.time + tau;
+            solved.positions.iter_mut().zip(&here.positions).for_each(|(x, before)| *x = (*x + before) * 0.5);
+        }
+        for ((v, x), base) in solved.velocities.iter_mut().zip(&solved.positions).zip(&base.positions) {
+            *v = (x - base) / tau;
+        }
+        solved
+    }
+}
+
+/// The way forwards.
+struct Forward<'s> {
+    stepper: Option<BackwardEuler<'s>>,
+    here: Record,
+    before: Option<Record>,
+}
+
+impl<'s> Forward<'s> {
+    fn new(run: &DifferentiableRun<'s>, start: &State) -> Result<Self> {
+        let system = run.system;
+        SpringGeometry::at(system, start)?;
+        let mut acceleration = Vec::new();
+        let stepper = if run.scheme == Scheme::Verlet {
+            acceleration = accelerations(system, start)?;
+            None
+        } else {
+            let linear = SolverOptions::default().with_solver(SolverChoice::Llt);
+            let options = ImplicitOptions::default().with_linear(linear);
+            let newton = NewtonOptions { tolerance: TOLERANCE, ..NewtonOptions::default() };
+            Some(BackwardEuler::new(system, start, &options, newton)?)
+        };
+        Ok(Self { stepper, here: Record { state: start.clone(), acceleration }, before: None })
+    }
+
+    fn step(&mut self, run: &DifferentiableRun<'s>, step: usize) -> Result<()> {
+        let (system, h) = (run.system, run.lengths[step]);
+        let here = &self.here;
+        let mut next = here.clone();
+        match &mut self.stepper {
+            None => {
+                let free = |p: usize| system.dofs().free_axes(p);
+                let State { positions, velocities, .. } = &here.state;
+                let mut predicted = next.state.clone();
+                predicted.time += h;
+                for p in 0..system.particles() {
+                    for axis in free(p).iter() {
+                        let (v, a) = (velocities[p][axis], here.acceleration[p][axis]);
+                        predicted.positions[p][axis] = positions[p][axis] + h * (v + 0.5 * h * a);
+                        predicted.velocities[p][axis] = v + h * a;
+                    }
+                }
+                predicted.prescribe(system);
+                next.acceleration = accelerations(system, &predicted)?;
+                next.state = predicted;
+                for (p, v) in velocities.iter().enumerate() {
+                    for axis in free(p).iter() {
+                        let mean = 0.5 * (here.acceleration[p][axis] + next.acceleration[p][axis]);
+                        next.state.velocities[p][axis] = v[axis] + h * mean;
+                    }
+                }
+            }
+            Some(stepper) => {
+                let [tau, _] = run.core(step);
+                let mut solved = run.base(step, self.before.as_ref(), &here.state);
+                stepper.step(&mut solved, tau).map_err(|failure| broken(step, here.state.time, &failure))?;
+                if run.scheme == Scheme::ImplicitMidpoint {
+                    let start = &here.state;
+                    for (middle, start) in
+                        [(&mut solved.positions, &start.positions), (&mut solved.velocities, &start.velocities)]
+                    {
+                        middle.iter_mut().zip(start).for_each(|(middle, start)| *middle = *middle * 2.0 - start);
+                    }
+                }
+                solved.time = here.state.time + h;
+                solved.prescribe(system);
+                next.state = solved;
+            }
+        }
+        if !next.state.is_finite() {
+            return Err(broken(step, here.state.time, &StepFailure::NonFinite));
+        }
+        self.before = Some(std::mem::replace(&mut self.here, next));
+        Ok(())
+    }
+}
+
+fn broken(step: usize, time: f64, failure: &StepFailure) -> Error {
+    Error::Unsupported(format!("step {}, from t = {time} s, broke down: {failure}", step + 1))
+}
+
+/// M⁻¹ F of free coordinates.
+fn accelerations(system: &System, state: &State) -> Result<Vec<Vector3<f64>>> {
+    let mut force = vec![Vector3::zeros(); system.particles()];
+    set_total_force(system, &state.moment(), &mut force)?;
+    for (p, (f, mass)) in force.iter_mut().zip(system.masses()).enumerate() {
+        let free = system.dofs().free_axes(p);
+        *f = Vector3::from_fn(|axis, _| if free.contains(axis) { f[axis] / mass } else { 0.0 });
+    }
+    Ok(force)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,105 @@
+//! The parameters of a scene by which runs and equilibria are differentiated, and the derivatives of forces by them.
+
+use crate::force::SpringGeometry;
+use crate::system::System;
+use nalgebra::Vector3;
+
+/// Derivatives of a number by the parameters of a scene, or a change of these parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameters {
+    /// k of every spring.
+    pub stiffness: Vec<f64>,
+    /// l0 of every spring; the derivative is zero where l0 is, since the law is another there.
+    pub rest_lengths: Vec<f64>,
+    /// b of every spring.
+    pub damping: Vec<f64>,
+    /// m of every particle.
+    pub masses: Vec<f64>,
+    /// g.
+    pub gravity: Vector3<f64>,
+    /// A constant force on every particle.
+    pub loads: Vec<Vector3<f64>>,
+    /// Positions at the start; of held and moved coordinates, their whole paths shifted.
+    pub positions: Vec<Vector3<f64>>,
+    /// Velocities at the start, of free coordinates.
+    pub velocities: Vec<Vector3<f64>>,
+}
+
+impl Parameters {
+    /// Zeros for a system.
+    pub fn zeros(system: &System) -> Self {
+        let [springs, particles] = [system.springs().len(), system.particles()];
+        Self {
+            stiffness: vec![0.0; springs],
+            rest_lengths: vec![0.0; springs],
+            damping: vec![0.0; springs],
+            masses: vec![0.0; particles],
+            gravity: Vector3::zeros(),
+            loads: vec![Vector3::zeros(); particles],
+            positions: vec![Vector3::zeros(); particles],
+            velocities: vec![Vector3::zeros(); particles],
+        }
+    }
+
+    /// The sum of products with another set: how fast a number changes along a change.
+    pub fn dot(&self, other: &Self) -> f64 {
+        let scalars = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let vectors = |a: &[Vector3<f64>], b: &[Vector3<f64>]| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
+        scalars(&self.stiffness, &other.stiffness)
+            + scalars(&self.rest_lengths, &other.rest_lengths)
+            + scalars(&self.damping, &other.damping)
+            + scalars(&self.masses, &other.masses)
+            + self.gravity.dot(&other.gravity)
+            + vectors(&self.loads, &other.loads)
+            + vectors(&self.positions, &other.positions)
+            + vectors(&self.velocities, &other.velocities)
+    }
+
+    /// Adds `(∂F/∂p)ᵀ λ` at a configuration, with relative velocities of w.
+    pub(crate) fn add_force_adjoint(&mut self, system: &System, at: &Point<'_>, adjoint: &[Vector3<f64>]) {
+        for ((number, [i, j], spring), extension) in at.geometry.springs(system) {
+            let along = extension.direction.dot(&(adjoint[i] - adjoint[j]));
+            let rate = extension.direction.dot(&(at.velocities[i] - at.velocities[j]));
+            self.stiffness[number] -= spring.strain(extension) * along;
+            self.damping[number] -= rate * along;
+            if spring.rest_length > 0.0 {
+                self.rest_lengths[number] += spring.stiffness * extension.length / spring.rest_length.powi(2) * along;
+            }
+        }
+        let gravity = gravity(system, at.time);
+        for (p, u) in adjoint.iter().enumerate() {
+            self.masses[p] += gravity.dot(u);
+            self.gravity += u * system.masses()[p];
+            self.loads[p] += u;
+        }
+    }
+
+    /// Adds `∂F/∂p δp` at a configuration, for a change δp of the parameters.
+    pub(super) fn add_force_change(&self, system: &System, at: &Point<'_>, force: &mut [Vector3<f64>]) {
+        for ((number, [i, j], spring), extension) in at.geometry.springs(system) {
+            let rate = extension.direction.dot(&(at.velocities[i] - at.velocities[j]));
+            let mut along = -spring.strain(extension) * self.stiffness[number] - rate * self.damping[number];
+            if spring.rest_length > 0.0 {
+                let slope = spring.stiffness * extension.length / spring.rest_length.powi(2);
+                along += slope * self.rest_lengths[number];
+            }
+            force[i] += extension.direction * along;
+            force[j] -= extension.direction * along;
+        }
+        let gravity = gravity(system, at.time);
+        for (p, f) in force.iter_mut().enumerate() {
+            *f += gravity * self.masses[p] + self.gravity * system.masses()[p] + self.loads[p];
+        }
+    }
+}
+
+fn gravity(system: &System, time: f64) -> Vector3<f64> {
+    system.loads().gravity.as_ref().map_or(system.gravity(), |gravity| gravity.at(time))
+}
+
+/// Where forces are linearised.
+pub(crate) struct Point<'a> {
+    pub geometry: &'a SpringGeometry,
+    pub velocities: &'a [Vector3<f64>],
+    pub time: f64,
+}

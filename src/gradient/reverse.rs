@@ -1,0 +1,221 @@
+//! Cotangents from the end of a run to its start, with checkpoints.
+
+use super::jacobian::Jacobian;
+use super::{Cotangent, DifferentiableRun, Forward, Parameters, Point, Record, Scheme};
+use crate::error::Result;
+use crate::system::State;
+use nalgebra::Vector3;
+
+/// A state from which others can be computed again.
+pub(super) struct Snapshot {
+    pub(super) step: usize,
+    pub(super) here: Record,
+    pub(super) before: Option<Record>,
+}
+
+/// The way backwards: cotangents of the state at hand, of the one before (which BDF2 uses too), and of parameters.
+pub(super) struct Reverse<'r, 's> {
+    run: &'r DifferentiableRun<'s>,
+    cotangents: &'r [Cotangent],
+    jacobian: Jacobian<'s>,
+    forward: Forward<'s>,
+    result: Parameters,
+    positions: Vec<Vector3<f64>>,
+    velocities: Vec<Vector3<f64>>,
+    accelerations: Vec<Vector3<f64>>,
+    before: [Vec<Vector3<f64>>; 2],
+}
+
+impl<'r, 's> Reverse<'r, 's> {
+    pub(super) fn new(run: &'r DifferentiableRun<'s>, cotangents: &'r [Cotangent]) -> Result<Self> {
+        let zeros = || vec![Vector3::zeros(); run.system.particles()];
+        let start = &run.records[0].state;
+        Ok(Self {
+            run,
+            cotangents,
+            jacobian: Jacobian::new(run.system, start)?,
+            forward: Forward::new(run, start)?,
+            result: Parameters::zeros(run.system),
+            positions: zeros(),
+            velocities: zeros(),
+            accelerations: zeros(),
+            before: [zeros(), zeros()],
+        })
+    }
+
+    pub(super) fn add_cotangents(&mut self, step: usize) {
+        for cotangent in self.cotangents.iter().filter(|cotangent| cotangent.step == step) {
+            self.positions.iter_mut().zip(&cotangent.positions).for_each(|(sum, x)| *sum += x);
+            self.velocities.iter_mut().zip(&cotangent.velocities).for_each(|(sum, v)| *sum += v);
+        }
+    }
+
+    /// The steps from a snapshot to `end`, backwards, with room for a number of states.
+    pub(super) fn sweep(&mut self, from: &Snapshot, end: usize, room: usize) -> Result<()> {
+        let count = end - from.step;
+        let (here, before) = (from.here.clone(), from.before.clone());
+        (self.forward.here, self.forward.before) = (here, before);
+        if count <= room.max(1) {
+            let mut records = vec![from.here.clone()];
+            for step in from.step..end {
+                self.forward.step(self.run, step)?;
+                records.push(self.forward.here.clone());
+            }
+            for k in (0..count).rev() {
+                let before = if k > 0 { Some(&records[k - 1]) } else { from.before.as_ref() };
+                self.step(from.step + k, before, &records[k], &records[k + 1])?;
+            }
+            return Ok(());
+        }
+        let middle = from.step + split(count, room);
+        for step in from.step..middle {
+            self.forward.step(self.run, step)?;
+        }
+        let there = Snapshot { step: middle, here: self.forward.here.clone(), before: self.forward.before.clone() };
+        self.sweep(&there, end, room - 1)?;
+        self.sweep(from, middle, room)
+    }
+
+    /// One step backwards.
+    pub(super) fn step(&mut self, step: usize, before: Option<&Record>, here: &Record, next: &Record) -> Result<()> {
+        if self.run.scheme == Scheme::Verlet {
+            self.verlet(step, here, next)?
+        } else {
+            self.implicit(step, before, here, next)?
+        }
+        self.add_cotangents(step);
+        Ok(())
+    }
+
+    pub(super) fn implicit(
+        &mut self,
+        step: usize,
+        before: Option<&Record>,
+        here: &Record,
+        next: &Record,
+    ) -> Result<()> {
+        let Self { run, jacobian, result, .. } = self;
+        let (system, [tau, beta]) = (run.system, run.core(step));
+        let base = run.base(step, before, &here.state);
+        let solved = run.solved(step, &base, &here.state, &next.state);
+        jacobian.set(&solved, tau)?;
+        let doubles = if run.scheme == Scheme::ImplicitMidpoint { 2.0 } else { 1.0 };
+        let dofs = system.dofs();
+        let full: Vec<_> = self.positions.iter().zip(&self.velocities).map(|(x, v)| (x + v / tau) * doubles).collect();
+        let mut right = vec![0.0; dofs.len()];
+        dofs.gather(&full, &mut right);
+        let solution = jacobian.solve(&right, true)?;
+        let adjoint = jacobian.full(&solution);
+        let (damped, moved) = (jacobian.damping(&adjoint), jacobian.stiffness_adjoint(&adjoint));
+        result.add_force_adjoint(
+            system,
+            &Point { geometry: &jacobian.geometry, velocities: &solved.velocities, time: solved.time },
+            &adjoint,
+        );
+        let mut earlier = [vec![Vector3::zeros(); full.len()], vec![Vector3::zeros(); full.len()]];
+        for p in 0..full.len() {
+            let (mass, u, free) = (system.masses()[p], adjoint[p], dofs.free_axes(p));
+            let inertia = (solved.positions[p] - base.positions[p] - base.velocities[p] * tau) / (tau * tau);
+            result.masses[p] -= u.dot(&inertia);
+            let (x, v) = (self.positions[p], self.velocities[p]);
+            for axis in 0..3 {
+                if !free.contains(axis) {
+                    // Held, or led along a path that is shifted as a whole.
+                    self.positions[p][axis] = self.before[0][p][axis] + x[axis] + moved[p][axis];
+                    self.velocities[p][axis] = 0.0;
+                    continue;
+                }
+                let at_base = -doubles * v[axis] / tau + mass / (tau * tau) * u[axis] - damped[p][axis] / tau;
+                let rate_at_base = mass / tau * u[axis];
+                let mirrored = if doubles == 2.0 { [-x[axis], -v[axis]] } else { [0.0, 0.0] };
+                self.positions[p][axis] = self.before[0][p][axis] + (1.0 + beta) * at_base + mirrored[0];
+                self.velocities[p][axis] = self.before[1][p][axis] + (1.0 + beta) * rate_at_base + mirrored[1];
+                earlier[0][p][axis] = -beta * at_base;
+                earlier[1][p][axis] = -beta * rate_at_base;
+            }
+        }
+        self.before = earlier;
+        Ok(())
+    }
+
+    /// With cotangents of x', v' and a': those of x, v and a, of `v½ = v + ½h a`, `x' = x + h v½`, `v* = v + h a`, `a' = M⁻¹F(x', v*)`, `v' = v½ + ½h a'`.
+    pub(super) fn verlet(&mut self, step: usize, here: &Record, next: &Record) -> Result<()> {
+        let (system, h) = (self.run.system, self.run.lengths[step]);
+        let mut predicted = next.state.clone();
+        for (p, v) in predicted.velocities.iter_mut().enumerate() {
+            for axis in system.dofs().free_axes(p).iter() {
+                v[axis] = here.state.velocities[p][axis] + h * here.acceleration[p][axis];
+            }
+        }
+        let total: Vec<_> = self.accelerations.iter().zip(&self.velocities).map(|(a, v)| a + v * (0.5 * h)).collect();
+        let [moved, damped] = self.force_adjoint(&predicted, &next.acceleration, &total)?;
+        for p in 0..total.len() {
+            let free = system.dofs().free_axes(p);
+            for axis in 0..3 {
+                let x = self.positions[p][axis] + moved[p][axis];
+                self.positions[p][axis] = x;
+                if free.contains(axis) {
+                    let middle = self.velocities[p][axis] + h * x;
+                    self.velocities[p][axis] = middle + damped[p][axis];
+                    self.accelerations[p][axis] = 0.5 * h * middle + h * damped[p][axis];
+                } else {
+                    self.velocities[p][axis] = 0.0;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// `(K + D)ᵀ μ` and `Gᵀ μ` with `μ = M⁻¹ ā` on free coordinates, of an acceleration `a = M⁻¹ F` at a state; parameters get their parts.
+    pub(super) fn force_adjoint(
+        &mut self,
+        at: &State,
+        acceleration: &[Vector3<f64>],
+        cotangent: &[Vector3<f64>],
+    ) -> Result<[Vec<Vector3<f64>>; 2]> {
+        let Self { run, jacobian, result, .. } = self;
+        let system = run.system;
+        jacobian.geometry.update(system, at)?;
+        jacobian.velocities.clone_from(&at.velocities);
+        let free = |p: usize, axis: usize| system.dofs().free_axes(p).contains(axis);
+        let scaled = |(p, a): (usize, &Vector3<f64>)| {
+            Vector3::from_fn(|axis, _| if free(p, axis) { a[axis] / system.masses()[p] } else { 0.0 })
+        };
+        let adjoint: Vec<_> = cotangent.iter().enumerate().map(scaled).collect();
+        result.add_force_adjoint(
+            system,
+            &Point { geometry: &jacobian.geometry, velocities: &at.velocities, time: at.time },
+            &adjoint,
+        );
+        for ((mass, u), a) in result.masses.iter_mut().zip(&adjoint).zip(acceleration) {
+            *mass -= u.dot(a);
+        }
+        Ok([jacobian.stiffness_adjoint(&adjoint), jacobian.damping(&adjoint)])
+    }
+
+    pub(super) fn finish(mut self, first: &Record) -> Result<Parameters> {
+        if self.run.scheme == Scheme::Verlet {
+            let cotangent = std::mem::take(&mut self.accelerations);
+            let [moved, damped] = self.force_adjoint(&first.state, &first.acceleration, &cotangent)?;
+            self.positions.iter_mut().zip(&moved).for_each(|(x, moved)| *x += moved);
+            self.velocities.iter_mut().zip(&damped).for_each(|(v, damped)| *v += damped);
+        }
+        let dofs = self.run.system.dofs();
+        for (p, v) in self.velocities.iter_mut().enumerate() {
+            let free = dofs.free_axes(p);
+            *v = Vector3::from_fn(|axis, _| if free.contains(axis) { v[axis] } else { 0.0 });
+        }
+        (self.result.positions, self.result.velocities) = (self.positions, self.velocities);
+        Ok(self.result)
+    }
+}
+
+/// Where a sweep over `count` steps with room for some states sets its next checkpoint: so that with r passes over each step the rest, of at most
+/// `C(room − 1 + r, r)` steps, needs one state less.
+fn split(count: usize, room: usize) -> usize {
+    let reaches =
+        |room: usize, passes: usize| (1..=passes).fold(1.0, |product: f64, k| product * (room + k) as f64 / k as f64);
+    let passes = (1..).find(|&passes| reaches(room, passes) >= count as f64).unwrap_or(1);
+    let rest = reaches(room - 1, passes).min(count as f64 - 1.0) as usize;
+    (count - rest.max(1)).max(1)
+}

@@ -1,0 +1,153 @@
+use super::*;
+use crate::spring::Spring;
+use crate::system::SystemBuilder;
+use rand::rngs::Xoshiro256PlusPlus;
+use rand::{RngExt, SeedableRng};
+use std::f64::consts::PI;
+
+fn framework(dimension: usize, places: &[[f64; 3]], bars: &[[usize; 2]], held: &[usize]) -> (System, State) {
+    let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
+    for &x in places {
+        builder.particle(x, 1.0);
+    }
+    for &[i, j] in bars {
+        let length = (0..3).map(|axis| (places[i][axis] - places[j][axis]).powi(2)).sum::<f64>().sqrt();
+        builder.spring(i, j, Spring { stiffness: 10.0, rest_length: length, damping: 0.0 });
+    }
+    held.iter().for_each(|&p| {
+        builder.hold(p);
+    });
+    builder.build().unwrap()
+}
+
+fn find(dimension: usize, places: &[[f64; 3]], bars: &[[usize; 2]], held: &[usize]) -> Mechanisms {
+    let (system, state) = framework(dimension, places, bars, held);
+    mechanisms(&system, &state).unwrap()
+}
+
+const SQUARE: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+const SIDES: [[usize; 2]; 4] = [[0, 1], [1, 2], [2, 3], [3, 0]];
+
+/// A square of four bars has a mechanism, which one diagonal removes; two diagonals have a state of self-stress.
+#[test]
+fn squares_with_and_without_diagonals() {
+    let found = find(2, &SQUARE, &SIDES, &[]);
+    assert_eq!((found.rank, found.mechanisms, found.rigid_motions, found.self_stresses), (4, 4, 3, 0));
+    assert_eq!((found.decided, found.prestress_stable), (true, Some(false)));
+    assert_eq!(found.added_springs.len(), 1);
+    let [i, j] = found.added_springs[0];
+    assert_eq!((i + 2) % 4, j, "a diagonal");
+    let braced = [SIDES.as_slice(), &[[0, 2], [1, 3]]].concat();
+    let found = find(2, &SQUARE, &braced, &[]);
+    assert_eq!((found.rank, found.mechanisms, found.self_stresses, found.prestress_stable), (5, 3, 1, None));
+    // Equal tensions in the sides, −√2 of them in the diagonals.
+    let stress = &found.self_stress[0];
+    assert!(
+        (0..4).all(|k| (stress[k] / stress[0] - 1.0).abs() < 1e-12)
+            && (stress[4] / stress[0] + 2f64.sqrt()).abs() < 1e-12
+    );
+    // On supports: no rigid motion; the two upper particles move together.
+    let found = find(2, &SQUARE, &SIDES, &[0, 1]);
+    assert_eq!(
+        (found.degrees_of_freedom, found.springs, found.rank, found.mechanisms, found.rigid_motions),
+        (4, 4, 3, 1, 0)
+    );
+    assert_eq!(found.movers, [[2, 3]]);
+    // The bar between the supports bears any tension.
+    assert_eq!(found.self_stresses, 1);
+}
+
+/// Two squares on supports, apart: two mechanisms, each of its own square.
+#[test]
+fn motions_are_local() {
+    let places: Vec<[f64; 3]> =
+        SQUARE.iter().chain(&SQUARE).enumerate().map(|(k, x)| [x[0] + 3.0 * (k / 4) as f64, x[1], 0.0]).collect();
+    let bars: Vec<[usize; 2]> = (0..8).map(|k| SIDES[k % 4].map(|p| p + 4 * (k / 4))).collect();
+    let mut found = find(2, &places, &bars, &[0, 1, 4, 5]);
+    found.movers.sort();
+    assert_eq!((found.mechanisms, found.movers), (2, vec![vec![2, 3], vec![6, 7]]));
+}
+
+/// The prism of three struts, its top turned by an angle against its bottom: at 30° a state of self-stress that makes it stiff, elsewhere none.
+#[test]
+fn a_tensegrity_prism_is_stiffened_by_prestress() {
+    let prism = |degrees: f64| {
+        let corner = |k: usize, turned: f64, height: f64| {
+            let angle = (120.0 * k as f64 + turned) * PI / 180.0;
+            [angle.cos(), angle.sin(), height]
+        };
+        let places: Vec<_> =
+            (0..3).map(|k| corner(k, 0.0, 0.0)).chain((0..3).map(|k| corner(k, degrees, 1.0))).collect();
+        let bars: Vec<_> = (0..3)
+            .flat_map(|k| [[k, (k + 1) % 3], [3 + k, 3 + (k + 1) % 3], [k, 3 + k], [k, 3 + (k + 1) % 3]])
+            .collect();
+        find(3, &places, &bars, &[])
+    };
+    let found = prism(30.0);
+    assert_eq!((found.rank, found.mechanisms, found.rigid_motions, found.self_stresses), (11, 7, 6, 1));
+    assert_eq!((found.decided, found.prestress_stable), (true, Some(true)));
+    let stress = &found.self_stress[0];
+    // Horizontal cables 1, vertical ones 1.126, struts −2.175, as force densities times lengths.
+    let ratio = |k: usize| stress[k] / stress[0];
+    assert!((ratio(1) - 1.0).abs() < 1e-10 && ratio(2) > 0.0 && ratio(3) < 0.0, "{stress:?}");
+    let found = prism(31.0);
+    assert_eq!((found.rank, found.mechanisms, found.self_stresses, found.decided), (12, 6, 0, true));
+    // A nanometre off is neither one nor the other.
+    assert!(!prism(30.0 + 1e-9).decided);
+}
+
+/// K₃,₃ in the plane is rigid, but on a conic it has a mechanism and a self-stress; so has the octahedron in space none.
+#[test]
+fn frameworks_of_the_textbooks() {
+    let bars: Vec<[usize; 2]> = (0..9).map(|k| [k / 3, 3 + k % 3]).collect();
+    let on_conic: Vec<[f64; 3]> = [0.1, 1.3, 2.2, 3.0, 4.4, 5.5].map(|t: f64| [2.0 * t.cos(), t.sin(), 0.0]).to_vec();
+    let found = find(2, &on_conic, &bars, &[]);
+    assert_eq!((found.rank, found.mechanisms, found.self_stresses, found.decided), (8, 4, 1, true));
+    let mut off = on_conic;
+    off[0][0] += 0.3;
+    let found = find(2, &off, &bars, &[]);
+    assert_eq!((found.rank, found.mechanisms, found.self_stresses, found.decided), (9, 3, 0, true));
+    let corners =
+        [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
+    let edges: Vec<[usize; 2]> =
+        (0..6).flat_map(|i| (0..i).map(move |j| [i, j])).filter(|[i, j]| i / 2 != j / 2).collect();
+    let found = find(3, &corners, &edges, &[]);
+    assert_eq!(
+        (found.springs, found.rank, found.mechanisms, found.rigid_motions, found.self_stresses),
+        (12, 12, 6, 6, 0)
+    );
+}
+
+/// Random frameworks: the sparse way finds the rank that the dense one finds, and motions that stretch nothing.
+#[test]
+fn large_and_small_scenes_are_judged_alike() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(29_2026);
+    for trial in 0..60 {
+        let (dimension, count) = (2 + trial % 2, 6 + trial % 9);
+        let grid = trial % 3 == 0;
+        let places: Vec<[f64; 3]> = (0..count)
+            .map(|p| match grid {
+                true => [(p % 3) as f64, (p / 3) as f64, 0.0],
+                false => [0, 1, 2].map(|axis| if axis < dimension { rng.random_range(-1.0..1.0) } else { 0.0 }),
+            })
+            .collect();
+        let share = rng.random_range(0.2..0.9);
+        let bars: Vec<_> =
+            (0..count).flat_map(|i| (0..i).map(move |j| [i, j])).filter(|_| rng.random_bool(share)).collect();
+        let (system, state) = framework(dimension, &places, &bars, if trial % 4 == 0 { &[0] } else { &[] });
+        let geometry = SpringGeometry::at(&system, &state).unwrap();
+        let directions = Directions { system: &system, geometry: &geometry };
+        let (dense, sparse) = (directions.dense().unwrap(), directions.sparse().unwrap());
+        assert!(dense.decided, "{trial}");
+        assert_eq!(dense.rank, sparse.rank, "{trial}");
+        assert_eq!(sparse.motions.len(), dense.motions.len(), "{trial}");
+        for motion in sparse.motions.iter().chain(&dense.motions) {
+            assert!(directions.stretch(motion) < 1e-10, "{trial}: {}", directions.stretch(motion));
+        }
+        let found = mechanisms(&system, &state).unwrap();
+        assert_eq!(found.motions.len(), found.mechanisms - found.rigid_motions, "{trial}");
+        for motion in &found.motions {
+            assert!(directions.stretch(motion) < 1e-8 * norm(motion), "{trial}");
+        }
+    }
+}

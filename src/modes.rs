@@ -1,0 +1,438 @@
+//! Normal modes, counted.
+//!
+//! ```text
+//! −K φ = ω² M φ,      φᵀ M φ = 1,      frequency ω/2π
+//! ```
+//!
+//! of the motion linearised about a state: small vibrations where that is an equilibrium. A negative ω² is a motion that grows as `exp(|ω| t)`.
+//!
+//! **Counted.** By Sylvester's law `−K − σM = L D Lᵀ` has as many negative pivots as there are ω² < σ. With σ just below the last mode reported, that
+//! number proves that none is missing. Each ω² is enclosed by the residual of its mode, `‖M^{-1/2}(−Kφ − ω²Mφ)‖` (Parlett, The Symmetric Eigenvalue
+//! Problem, 15.9).
+//!
+//! **Zero modes.** Rigid motions of a body that nothing strains or holds, and mechanisms, have ω² = 0 up to rounding of K. The search starts from the
+//! rigid motions, which are known. An eigenvalue within rounding of zero, relative to ‖M⁻¹K‖, counts as zero; the gap to the next one is reported.
+//!
+//! **Damping.** `φᵀ(−G)φ/(2ω)`, exact where modes diagonalise G.
+
+use crate::assembly::SymmetricMatrix;
+use crate::eigen::{Accuracy, BlockLanczos, Eigenpair, End, Pencil, Search, ShiftInvert, Tolerance};
+use crate::error::{Error, Invalid, Result, check_length};
+use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
+use crate::integrate::Matrices;
+use crate::linear::{Ldlt, dot};
+use crate::memory;
+use crate::multigrid::Multigrid;
+use crate::operator::{Combination, LinearOperator, SystemOperator};
+use crate::rigid::rigid_motions;
+use crate::spring::Stiffness;
+use crate::system::{DofMap, State, System};
+use crate::work::Work;
+use faer::{Par, c64};
+use nalgebra::{DMatrix, DVector, Vector3};
+use std::f64::consts::TAU;
+
+/// An eigenvalue counts as zero up to this part of ‖M⁻¹K‖: some units in the last place of the sums in K and in `φᵀKφ`.
+const ZERO: f64 = 32.0 * f64::EPSILON;
+
+/// Degrees of freedom up to which matrices are factored, where the factor fits the memory; beyond, modes are found by multigrid and not counted.
+const FACTORED: usize = 500_000;
+
+/// One normal mode.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mode {
+    /// ω², in 1/s².
+    pub eigenvalue: f64,
+    /// φ over the free degrees of freedom, `φᵀMφ = 1`, in kg^{-1/2}.
+    pub vector: Vec<f64>,
+    /// `‖M^{-1/2}(−Kφ − ω²Mφ)‖`, in 1/s²: an eigenvalue lies within this distance of ω².
+    pub residual: f64,
+    /// `φᵀ(−G)φ/(2ω)`; `None` where ω² is not positive.
+    pub damping_ratio: Option<f64>,
+    /// `(φᵀ M e)²` for unit motions e of all particles along x, y and z, in kg.
+    pub effective_mass: [f64; 3],
+}
+
+impl Mode {
+    /// ω/2π, in Hz; `None` where ω² is negative.
+    pub fn frequency(&self) -> Option<f64> {
+        (self.eigenvalue >= 0.0).then(|| self.eigenvalue.sqrt() / TAU)
+    }
+
+    /// The rate |ω|, in 1/s, by which a motion along a mode of negative ω² grows.
+    pub fn growth_rate(&self) -> Option<f64> {
+        (self.eigenvalue < 0.0).then(|| (-self.eigenvalue).sqrt())
+    }
+}
+
+/// The lowest normal modes of a system at a state; see [`modes`].
+#[derive(Debug, Clone)]
+pub struct Modes {
+    /// Modes other than zero modes, by ascending ω².
+    pub modes: Vec<Mode>,
+    /// Modes of ω² = 0.
+    pub zero_modes: Vec<Mode>,
+    /// Rigid motions that constraints admit and stresses do not resist.
+    pub rigid_motions: usize,
+    /// The largest |ω²| that counts as zero and the smallest that does not, in 1/s²; infinite where there is none.
+    pub gap: [f64; 2],
+    /// Whether the number of eigenvalues below `counted_below` proves that no mode is missing.
+    pub complete: bool,
+    /// A shift just below the last mode, in 1/s².
+    pub counted_below: f64,
+    /// The largest force that is not balanced over the largest force that acts; zero at an equilibrium.
+    pub imbalance: f64,
+    /// Factorizations, solves and what else was done.
+    pub work: Work,
+    dofs: DofMap,
+    masses: Vec<f64>,
+    damping: SymmetricMatrix,
+}
+
+/// The `count` lowest modes of a system linearised about a state, beside its zero modes: all of them where there are fewer.
+///
+/// # Errors
+/// A state of another system; coincident ends of a spring; too little memory; no mode asked for.
+///
+/// # Examples
+/// ```
+/// use sprung::modes::modes;
+/// use sprung::{Spring, SystemBuilder};
+///
+/// // Two masses of 1 kg on a spring of k/l0 = 50 N/m, free in space: ω² = 2·50/1, and five rigid motions.
+/// let mut builder = SystemBuilder::new();
+/// builder.particle([0.0, 0.0, 0.0], 1.0);
+/// builder.particle([2.0, 0.0, 0.0], 1.0);
+/// builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 2.0, damping: 0.0 });
+/// let (system, state) = builder.build()?;
+/// let found = modes(&system, &state, 1)?;
+/// assert!((found.modes[0].eigenvalue - 100.0).abs() < 1e-10);
+/// assert_eq!((found.zero_modes.len(), found.complete), (5, true));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
+    if count == 0 {
+        return Err(Invalid::new("modes", count, "must be at least 1").into());
+    }
+    let mut matrices = Matrices::new(system)?;
+    matrices.update(state, Stiffness::Full)?;
+    let order = system.dofs().len();
+    let masses = matrices.masses().to_vec();
+    let stiffness = matrices.k().scaled(-1.0);
+    let mut work = Work::default();
+    let zero = ZERO * weighted_norm(&stiffness, &masses);
+    let rigid = unresisted(&stiffness, &masses, rigid_motions(system, &state.positions), zero);
+    let rigid_motions = rigid.len();
+    let mut result = Modes {
+        modes: Vec::new(),
+        zero_modes: Vec::new(),
+        rigid_motions,
+        gap: [0.0, f64::INFINITY],
+        complete: true,
+        counted_below: f64::INFINITY,
+        imbalance: imbalance(system, state)?,
+        work,
+        dofs: system.dofs().clone(),
+        masses,
+        damping: matrices.g().clone(),
+    };
+    if order == 0 {
+        return Ok(result);
+    }
+    let masses = &result.masses;
+    let factorization = if order > FACTORED { None } else { Ldlt::analyse(stiffness.pattern(), Par::rayon(0)).ok() };
+    let Some(mut factorization) = factorization else {
+        let wanted = (count + rigid_motions).min(order);
+        let pairs = uncounted(system, state, &stiffness, masses, &rigid, wanted, &mut work)?;
+        (result.complete, result.counted_below) = (false, f64::NAN);
+        result.sort(pairs, count, zero);
+        result.work = work;
+        return Ok(result);
+    };
+    work.symbolic_factorizations += 1;
+    let pencil = Pencil { masses: Some(masses), ..Pencil::of(&stiffness) };
+    let mut search = ShiftInvert::new(pencil, &mut factorization, &mut work);
+    search.known = rigid;
+    let is_zero = |pair: &Eigenpair| is_zero(pair, zero);
+    let mut wanted = (count + rigid_motions).min(order);
+    let mut pairs = loop {
+        // Twice the space of the search.
+        memory::ensure(32 * (wanted as u64 + 50) * order as u64, "the vectors of so many modes and zero modes")?;
+        let pairs = search.extreme(End::Lowest, wanted, Accuracy::FULL);
+        let zeros = pairs.iter().filter(|pair| is_zero(pair)).count();
+        if pairs.len() < wanted || wanted == order || pairs.len() - zeros >= count {
+            break pairs;
+        }
+        // Mechanisms beside the rigid motions, and perhaps more of them.
+        wanted = (count + 2 * zeros).min(order);
+        search.known = pairs;
+    };
+    result.complete = search.edge.is_some() && !pairs.is_empty();
+    result.counted_below = search.edge.unwrap_or(f64::NAN);
+    let others = pairs.iter().enumerate().filter(|(_, pair)| !is_zero(pair)).map(|(k, _)| k);
+    let last = others.clone().nth(count - 1);
+    // Modes beyond those asked for were found on the way: the count is that below the last one reported.
+    if let Some(last) = last.filter(|last| last + 1 < pairs.len()) {
+        pairs.truncate(last + 1);
+        let value = pairs[last].value;
+        result.counted_below = value - (1e-6 * value.abs()).max(1e-12 * zero / ZERO);
+        let found = pairs.iter().filter(|pair| pair.value < result.counted_below).count();
+        result.complete = search.below(result.counted_below) == Some(found);
+    }
+    result.sort(pairs, count, zero);
+    result.work = work;
+    Ok(result)
+}
+
+/// Whether an eigenvalue is zero to rounding; one that is known less exactly, where zero is within its residual.
+fn is_zero(pair: &Eigenpair, zero: f64) -> bool {
+    pair.value.abs() <= zero.max(pair.residual.min(1e3 * zero))
+}
+
+/// The lowest pairs by products and multigrid, without a factorization and without a count: Davidson's method on `M⁻¹A`, preconditioned with multigrid for
+/// `A + sM`, s small against ‖M⁻¹A‖, under option *tension* where A is not positive definite.
+fn uncounted(
+    system: &System,
+    state: &State,
+    a: &SymmetricMatrix,
+    masses: &[f64],
+    rigid: &[Eigenpair],
+    wanted: usize,
+    work: &mut Work,
+) -> Result<Vec<Eigenpair>> {
+    /// Vectors that are improved together, and steps at most.
+    const BLOCK: usize = 4;
+    const STEPS: usize = 300;
+    /// s, as a part of ‖M⁻¹A‖.
+    const SHIFT: f64 = 1e-9;
+    let n = masses.len();
+    let search = Search::new(End::Lowest, wanted, BLOCK);
+    memory::ensure(16 * (search.capacity as u64 + 60) * n as u64, "the vectors of a search for modes")?;
+    let geometry = SpringGeometry::at(system, state)?;
+    let shift = SHIFT * weighted_norm(a, masses);
+    let positive = |option| {
+        SystemOperator::new(system, &geometry, option, Combination { mass: shift, damping: 0.0, stiffness: -1.0 })
+    };
+    let build = |option| -> Option<Multigrid> {
+        let operator = positive(option);
+        let mut multigrid = Multigrid::new(system).ok()?;
+        multigrid.set_positions(&state.positions);
+        multigrid.refill(&operator).ok()?;
+        multigrid.rebuild(&operator).ok()?;
+        Some(multigrid)
+    };
+    let mut multigrid = build(Stiffness::Full).or_else(|| build(Stiffness::Tension));
+    let products = SystemOperator::new(
+        system,
+        &geometry,
+        Stiffness::Full,
+        Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 },
+    );
+    let mut apply = |x: &[f64], y: &mut [f64]| {
+        for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
+            products.apply(x, y);
+            y.iter_mut().zip(masses).for_each(|(y, mass)| *y /= mass);
+        }
+    };
+    let mut weighted = vec![0.0; n];
+    let mut precondition = |r: &[f64], z: &mut [f64]| match &mut multigrid {
+        Some(multigrid) => {
+            work.multigrid_iterations += 1;
+            weighted.iter_mut().zip(r).zip(masses).for_each(|((w, r), mass)| *w = r * mass);
+            multigrid.apply(&weighted, z);
+        }
+        None => z.copy_from_slice(r),
+    };
+    let mut space = BlockLanczos::new(n, Some(masses), search, 5);
+    space.start(rigid.iter().map(|pair| &pair.vector[..]), &mut apply);
+    space.refresh(&mut apply);
+    let tolerance = Tolerance { of_value: 1e-7, of_norm: 1e-14 };
+    let found = space.iterate(tolerance, STEPS, &mut apply, Some(&mut precondition));
+    let pairs = found.into_iter().take(wanted);
+    Ok(pairs.map(|pair| Eigenpair { value: pair.value, vector: pair.vector, residual: pair.residual }).collect())
+}
+
+/// `maxᵢ Σⱼ |aᵢⱼ|/mᵢ`, no smaller than any eigenvalue.
+fn weighted_norm(a: &SymmetricMatrix, masses: &[f64]) -> f64 {
+    let mut sums = vec![0.0; a.order()];
+    a.norm_inf(&mut sums);
+    sums.iter().zip(masses).map(|(sum, mass)| sum / mass).fold(0.0, f64::max)
+}
+
+/// The motions of a set, orthonormal in M, that a matrix does not resist.
+fn unresisted(a: &SymmetricMatrix, masses: &[f64], motions: Vec<Vec<f64>>, zero: f64) -> Vec<Eigenpair> {
+    if motions.is_empty() {
+        return Vec::new();
+    }
+    let forces = motions.iter().map(|motion| {
+        let mut force = vec![0.0; a.order()];
+        a.apply(motion, &mut force);
+        force
+    });
+    let forces: Vec<_> = forces.collect();
+    // Of the rotations of a strained body some combinations may be free: those of the null space of RᵀAM⁻¹AR.
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).zip(masses).map(|((a, b), mass)| a * b / mass).sum::<f64>();
+    let form = DMatrix::from_fn(motions.len(), motions.len(), |i, j| product(&forces[i], &forces[j]));
+    let eigen = nalgebra::SymmetricEigen::new(form);
+    let free = (0..motions.len()).filter(|&k| eigen.eigenvalues[k].max(0.0).sqrt() <= zero);
+    free.map(|k| {
+        let mut vector = vec![0.0; a.order()];
+        for (motion, factor) in motions.iter().zip(&eigen.eigenvectors.column(k)) {
+            vector.iter_mut().zip(motion).for_each(|(sum, u)| *sum += factor * u);
+        }
+        Eigenpair { value: 0.0, residual: eigen.eigenvalues[k].max(0.0).sqrt(), vector }
+    })
+    .collect()
+}
+
+/// The largest force on a free coordinate that nothing balances, over the largest force of one kind: of springs, weight or loads.
+pub(crate) fn imbalance(system: &System, state: &State) -> Result<f64> {
+    let zeros = || vec![Vector3::zeros(); system.particles()];
+    let (mut springs, mut loads) = (zeros(), zeros());
+    let geometry = SpringGeometry::at(system, state)?;
+    add_elastic_force(system, &geometry, &mut springs);
+    add_weight(system, &mut loads);
+    let rest = zeros();
+    let at = crate::system::StateView { velocities: &rest, ..state.moment() };
+    add_external_forces(system, &at, &mut loads);
+    let largest = |forces: &[Vector3<f64>]| {
+        let mut reduced = vec![0.0; system.dofs().len()];
+        system.dofs().gather(forces, &mut reduced);
+        reduced.iter().fold(0.0f64, |largest, f| largest.max(f.abs()))
+    };
+    let tension = geometry.springs(system).map(|((_, _, spring), at)| spring.elastic_force(at).norm());
+    let acting = tension.fold(largest(&springs).max(largest(&loads)), f64::max);
+    let total: Vec<_> = springs.iter().zip(&loads).map(|(a, b)| a + b).collect();
+    Ok(if acting > 0.0 { largest(&total) / acting } else { 0.0 })
+}
+
+impl Mode {
+    fn new(pair: Eigenpair, dofs: &DofMap, masses: &[f64], damping: &SymmetricMatrix) -> Self {
+        let Eigenpair { value: eigenvalue, mut vector, residual } = pair;
+        // One of the two signs, the same each time.
+        let largest =
+            vector.iter().fold(0.0f64, |largest, &u| if u.abs() > 1.001 * largest.abs() { u } else { largest });
+        if largest < 0.0 {
+            vector.iter_mut().for_each(|u| *u = -*u);
+        }
+        let mut product = vec![0.0; vector.len()];
+        damping.apply(&vector, &mut product);
+        let damping_ratio = (eigenvalue > 0.0).then(|| 0.0 - 0.5 * dot(&vector, &product) / eigenvalue.sqrt());
+        let mut participation = [0.0; 3];
+        for ((dof, u), mass) in dofs.iter().zip(&vector).zip(masses) {
+            participation[dof.axis] += mass * u;
+        }
+        Self { eigenvalue, vector, residual, damping_ratio, effective_mass: participation.map(|p| p * p) }
+    }
+}
+
+/// A linear system `x' = A x + B u, y = C x` whose states are the amplitudes of modes and their rates; there is no D.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StateSpace {
+    /// A, 2n × 2n: `[0 I; −Ω² ΦᵀGΦ]`.
+    pub a: DMatrix<f64>,
+    /// B, 2n × inputs: forces, in N.
+    pub b: DMatrix<f64>,
+    /// C, outputs × 2n: displacements, in m.
+    pub c: DMatrix<f64>,
+}
+
+impl Modes {
+    /// Takes over pairs, ascending: zero modes, and `count` others.
+    fn sort(&mut self, pairs: Vec<Eigenpair>, count: usize, zero: f64) {
+        let (zeros, others): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|pair| is_zero(pair, zero));
+        let largest = |bound: f64, pair: &Eigenpair| bound.max(pair.value.abs());
+        let smallest = |bound: f64, pair: &Eigenpair| bound.min(pair.value.abs());
+        self.gap = [zeros.iter().fold(0.0, largest), others.iter().fold(f64::INFINITY, smallest)];
+        let mode = |pair: Eigenpair| Mode::new(pair, &self.dofs, &self.masses, &self.damping);
+        self.zero_modes = zeros.into_iter().map(mode).collect();
+        self.modes = others.into_iter().take(count).map(mode).collect();
+    }
+
+    /// The displacement of every particle in a mode, in kg^{-1/2}.
+    pub fn shape(&self, mode: &Mode) -> Vec<Vector3<f64>> {
+        let mut shape = vec![Vector3::zeros(); self.dofs.particles()];
+        self.dofs.scatter(&mode.vector, &mut shape);
+        shape
+    }
+
+    /// Φ and ΦᵀGΦ of zero modes and modes together, ascending in ω².
+    fn reduced(&self) -> (Vec<&Mode>, DMatrix<f64>) {
+        let mut all: Vec<&Mode> = self.zero_modes.iter().chain(&self.modes).collect();
+        all.sort_by(|a, b| a.eigenvalue.total_cmp(&b.eigenvalue));
+        let products = all.iter().map(|mode| {
+            let mut product = vec![0.0; mode.vector.len()];
+            self.damping.apply(&mode.vector, &mut product);
+            product
+        });
+        let products: Vec<_> = products.collect();
+        let damping = DMatrix::from_fn(all.len(), all.len(), |i, j| dot(&all[i].vector, &products[j]));
+        (all, damping)
+    }
+
+    fn check_rows(&self, name: &str, rows: &[usize]) -> Result<()> {
+        match rows.iter().enumerate().find(|(_, row)| **row >= self.dofs.len()) {
+            Some((index, row)) => Err(Invalid::new(
+                name,
+                row,
+                format!("must be below the number of degrees of freedom, {}", self.dofs.len()),
+            )
+            .at(index)
+            .into()),
+            None => Ok(()),
+        }
+    }
+
+    /// The modes found, zero modes among them, as a linear system from forces at some degrees of freedom to displacements of others.
+    ///
+    /// # Errors
+    /// A row that is no degree of freedom; see [`DofMap::row`].
+    pub fn state_space(&self, inputs: &[usize], outputs: &[usize]) -> Result<StateSpace> {
+        self.check_rows("inputs", inputs)?;
+        self.check_rows("outputs", outputs)?;
+        let (all, damping) = self.reduced();
+        let n = all.len();
+        let mut a = DMatrix::zeros(2 * n, 2 * n);
+        for (k, mode) in all.iter().enumerate() {
+            a[(k, n + k)] = 1.0;
+            a[(n + k, k)] = -mode.eigenvalue;
+        }
+        a.view_mut((n, n), (n, n)).copy_from(&damping);
+        let b = DMatrix::from_fn(2 * n, inputs.len(), |k, i| if k < n { 0.0 } else { all[k - n].vector[inputs[i]] });
+        let c = DMatrix::from_fn(outputs.len(), 2 * n, |o, k| if k < n { all[k].vector[outputs[o]] } else { 0.0 });
+        Ok(StateSpace { a, b, c })
+    }
+
+    /// The displacements, in m, that a force `Re(f e^{iωt})` on the free degrees of freedom drives, as complex amplitudes: `x = Φ (Ω² − ω² − iω ΦᵀGΦ)⁻¹ Φᵀ f`
+    /// by the modes found. One vector for each frequency in Hz.
+    ///
+    /// # Errors
+    /// A force whose length is not the number of degrees of freedom; a frequency at which an undamped mode resonates.
+    pub fn harmonic_response(&self, force: &[f64], frequencies: &[f64]) -> Result<Vec<Vec<c64>>> {
+        check_length("force", force.len(), self.dofs.len())?;
+        let (all, damping) = self.reduced();
+        let load =
+            DVector::from_iterator(all.len(), all.iter().map(|mode| nalgebra::Complex::from(dot(&mode.vector, force))));
+        let response = |(index, &frequency): (usize, &f64)| {
+            let omega = TAU * frequency;
+            let mut matrix = damping.map(|g| nalgebra::Complex::new(0.0, -omega * g));
+            for (k, mode) in all.iter().enumerate() {
+                matrix[(k, k)] += nalgebra::Complex::from(mode.eigenvalue - omega * omega);
+            }
+            let amplitudes =
+                matrix.lu().solve(&load).filter(|x| x.iter().all(|x| x.re.is_finite() && x.im.is_finite()));
+            let amplitudes = amplitudes.ok_or_else(|| {
+                Error::from(Invalid::new("frequencies", frequency, "must not be that of an undamped mode").at(index))
+            })?;
+            let mut x = vec![c64::new(0.0, 0.0); self.dofs.len()];
+            for (mode, amplitude) in all.iter().zip(&amplitudes) {
+                x.iter_mut().zip(&mode.vector).for_each(|(x, u)| *x += c64::new(amplitude.re * u, amplitude.im * u));
+            }
+            Ok(x)
+        };
+        frequencies.iter().enumerate().map(response).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;

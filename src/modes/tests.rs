@@ -1,0 +1,223 @@
+use super::*;
+use crate::spring::Spring;
+use crate::system::{Loads, SystemBuilder};
+use nalgebra::SymmetricEigen;
+use rand::rngs::Xoshiro256PlusPlus;
+use rand::{RngExt, SeedableRng};
+use std::f64::consts::PI;
+
+fn spring(stiffness: f64, rest_length: f64) -> Spring {
+    Spring { stiffness, rest_length, damping: 0.0 }
+}
+
+fn values(found: &Modes) -> Vec<f64> {
+    found.modes.iter().map(|mode| mode.eigenvalue).collect()
+}
+
+fn assert_close(found: &[f64], expected: &[f64]) {
+    assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");
+    let scale = expected.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
+    for (a, b) in found.iter().zip(expected) {
+        assert!((a - b).abs() <= 1e-12 * scale + 1e-10 * b.abs(), "{found:?} {expected:?}");
+    }
+}
+
+/// ω² of the dense generalised problem, ascending.
+fn dense(system: &System, state: &State) -> Vec<f64> {
+    let mut matrices = Matrices::new(system).unwrap();
+    matrices.update(state, Stiffness::Full).unwrap();
+    let k = DMatrix::from(&matrices.k().to_csc());
+    let root: Vec<f64> = matrices.masses().iter().map(|mass| mass.sqrt()).collect();
+    let scaled = DMatrix::from_fn(k.nrows(), k.ncols(), |i, j| -k[(i, j)] / (root[i] * root[j]));
+    let mut values: Vec<f64> = SymmetricEigen::new(scaled).eigenvalues.iter().copied().collect();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+/// An equilateral triangle at rest, in the plane: ω² = 3κ/2m twice, 3κ/m once, and three rigid motions.
+#[test]
+fn a_triangle_has_a_double_mode() {
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    for x in [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.75f64.sqrt(), 0.0]] {
+        builder.particle(x, 2.0);
+    }
+    for [i, j] in [[0, 1], [1, 2], [2, 0]] {
+        builder.spring(i, j, spring(4.0, 1.0));
+    }
+    let (system, state) = builder.build().unwrap();
+    for count in 1..=3 {
+        let found = modes(&system, &state, count).unwrap();
+        assert_close(&values(&found), &[3.0, 3.0, 6.0][..count]);
+        assert_eq!((found.zero_modes.len(), found.rigid_motions, found.complete), (3, 3, true));
+    }
+}
+
+/// A taut chain of N masses between two walls, held to its line: `ω_k = 2 √(κ/m) sin(kπ / 2(N+1))`. Along it with κ = k/l0, across with the tension over
+/// the length.
+#[test]
+fn a_taut_chain_has_the_modes_of_the_textbook() {
+    let count = 30;
+    let mut builder = SystemBuilder::new();
+    for p in 0..count + 2 {
+        builder.particle([1.5 * p as f64, 0.0, 0.0], 0.5);
+    }
+    for p in 0..=count {
+        builder.spring(p, p + 1, spring(20.0, 1.0));
+    }
+    builder.hold(0).hold(count + 1);
+    let (system, state) = builder.build().unwrap();
+    let (along, across) = (20.0, 20.0 * (1.5 - 1.0) / 1.5);
+    let omega = |kappa: f64, k: usize| 4.0 * kappa / 0.5 * (k as f64 * PI / (2.0 * (count + 1) as f64)).sin().powi(2);
+    let mut expected: Vec<f64> =
+        (1..=count).flat_map(|k| [omega(along, k), omega(across, k), omega(across, k)]).collect();
+    expected.sort_by(f64::total_cmp);
+    for wanted in [1, 2, 5, 17, 90] {
+        let found = modes(&system, &state, wanted).unwrap();
+        assert_close(&values(&found), &expected[..wanted]);
+        assert!(found.complete && found.zero_modes.is_empty() && found.imbalance < 1e-14);
+    }
+}
+
+/// Random scenes of several equal copies, so that eigenvalues are three-fold and more, free, tied or under compression: the same as a dense solver's,
+/// each as often.
+#[test]
+fn no_mode_is_missed_and_none_is_invented() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(7_2026);
+    for trial in 0..40 {
+        let [copies, particles] = [[1, 2, 3, 4][trial % 4], 4 + trial % 5];
+        let place: Vec<[f64; 3]> = (0..particles).map(|_| [0; 3].map(|_| rng.random_range(0.0..2.0))).collect();
+        let stretch = [1.0, 1.2, 0.8][trial % 3];
+        let mut builder = SystemBuilder::new();
+        for copy in 0..copies {
+            for x in &place {
+                builder.particle([x[0] + 10.0 * copy as f64, x[1], x[2]], 1.0);
+            }
+            for i in 0..particles {
+                for j in 0..i {
+                    if (i + j) % 3 != 0 || i == j + 1 {
+                        let length = (0..3).map(|axis| (place[i][axis] - place[j][axis]).powi(2)).sum::<f64>().sqrt();
+                        builder.spring(copy * particles + i, copy * particles + j, spring(length, length / stretch));
+                    }
+                }
+            }
+            if trial % 5 == 0 {
+                builder.hold(copy * particles);
+            }
+        }
+        let (system, state) = builder.build().unwrap();
+        let reference = dense(&system, &state);
+        let scale = reference.last().unwrap().abs();
+        let count = 1 + trial % 11;
+        let found = modes(&system, &state, count).unwrap();
+        assert!(found.complete, "{trial}");
+        let mut all: Vec<f64> = found.zero_modes.iter().chain(&found.modes).map(|mode| mode.eigenvalue).collect();
+        all.sort_by(f64::total_cmp);
+        for (a, b) in all.iter().zip(&reference) {
+            assert!((a - b).abs() <= 1e-11 * scale, "{trial}: {all:?} {reference:?}");
+        }
+        let zeros = reference.iter().filter(|value| value.abs() < 1e-11 * scale).count();
+        assert!(found.modes.len() == count.min(reference.len() - zeros), "{trial}");
+        let below = reference.iter().filter(|value| **value < found.counted_below).count();
+        assert_eq!(below, all.iter().filter(|value| **value < found.counted_below).count(), "{trial}");
+        for (k, a) in found.modes.iter().chain(&found.zero_modes).enumerate() {
+            for (l, b) in found.modes.iter().chain(&found.zero_modes).enumerate() {
+                let product: f64 = a.vector.iter().zip(&b.vector).map(|(a, b)| a * b).sum();
+                assert!((product - f64::from(u8::from(k == l))).abs() < 1e-7, "{trial}: {k} {l} {product}");
+            }
+        }
+    }
+}
+
+/// A mass on a damped spring: ζ = b/(2 √(κ m)), effective mass m along the spring, and the response of the textbook.
+#[test]
+fn damping_response_and_effective_mass_of_one_mass() {
+    let (kappa, mass, b) = (50.0, 2.0, 3.0);
+    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+    builder.particle([0.0, 0.0, 0.0], 1.0);
+    builder.particle([1.0, 0.0, 0.0], mass);
+    builder.spring(0, 1, Spring { damping: b, ..spring(kappa, 1.0) });
+    builder.hold(0);
+    let (system, state) = builder.build().unwrap();
+    let found = modes(&system, &state, 1).unwrap();
+    let mode = &found.modes[0];
+    assert!((mode.damping_ratio.unwrap() - b / (2.0 * (kappa * mass).sqrt())).abs() < 1e-14);
+    assert!((mode.frequency().unwrap() - (kappa / mass).sqrt() / TAU).abs() < 1e-14);
+    assert!((mode.effective_mass[0] - mass).abs() < 1e-14 && mode.effective_mass[1..] == [0.0; 2]);
+    let frequencies = [0.0, 0.5, 0.8, 3.0];
+    for (x, f) in found.harmonic_response(&[4.0], &frequencies).unwrap().iter().zip(frequencies) {
+        let w = TAU * f;
+        let denominator = c64::new(kappa - mass * w * w, w * b);
+        assert!((x[0] * denominator - c64::new(4.0, 0.0)).norm() < 1e-12);
+    }
+    let space = found.state_space(&[0], &[0]).unwrap();
+    // At rest C A⁻¹ B = −1/κ.
+    let gain = (&space.c * space.a.clone().try_inverse().unwrap() * &space.b)[(0, 0)];
+    assert!((gain + 1.0 / kappa).abs() < 1e-15);
+    assert!(found.state_space(&[1], &[0]).is_err() && found.harmonic_response(&[1.0, 2.0], &[1.0]).is_err());
+}
+
+/// Pressed together a chain buckles: the mode is a growth, and the state, which a load balances not, is said to be out of balance.
+#[test]
+fn growth_and_imbalance_are_told() {
+    let mut builder = SystemBuilder::new();
+    for x in [0.0, 0.8, 1.6] {
+        builder.particle([x, 0.0, 0.0], 1.0);
+    }
+    builder.spring(0, 1, spring(10.0, 1.0));
+    builder.spring(1, 2, spring(10.0, 1.0));
+    builder.hold(0).hold(2);
+    let (system, state) = builder.build().unwrap();
+    let found = modes(&system, &state, 2).unwrap();
+    // 2 T/l across, with T = −2 and l = 0.8.
+    assert_close(&values(&found), &[-5.0, -5.0]);
+    assert_eq!((found.modes[0].frequency(), found.modes[0].damping_ratio, found.imbalance), (None, None, 0.0));
+    assert!((found.modes[0].growth_rate().unwrap() - 5f64.sqrt()).abs() < 1e-12);
+    let forces = vec![Vector3::zeros(), Vector3::new(0.0, 1.0, 0.0), Vector3::zeros()];
+    let loaded = system.with_loads(Loads { forces, ..Loads::default() }).unwrap();
+    assert!((modes(&loaded, &state, 1).unwrap().imbalance - 0.5).abs() < 1e-15);
+    assert!(modes(&loaded, &state, 0).is_err());
+}
+
+/// Multigrid finds what factorizations find, on a held net under tension and on a free one.
+#[test]
+fn modes_without_a_factorization_are_the_same() {
+    for is_held in [true, false] {
+        let size = 12;
+        let mut builder = SystemBuilder::new();
+        for i in 0..size {
+            for j in 0..size {
+                builder.particle([1.1 * i as f64, 1.1 * j as f64, 0.0], 0.5 + 0.01 * (i * j) as f64);
+            }
+        }
+        for i in 0..size {
+            for j in 0..size {
+                for (a, b) in [(1, 0), (0, 1), (1, 1)] {
+                    if i + a < size && j + b < size {
+                        let length = f64::hypot(a as f64, b as f64) * if is_held { 1.0 } else { 1.1 };
+                        builder.spring(i * size + j, (i + a) * size + j + b, spring(100.0, length));
+                    }
+                }
+            }
+        }
+        let edge = (0..size * size).filter(|p| is_held && (p % size == 0 || p % size == size - 1));
+        builder.constrain(crate::system::Constraint::hold(edge));
+        let (system, state) = SystemBuilder { dimension: 2 + usize::from(is_held), ..builder }.build().unwrap();
+        let found = modes(&system, &state, 6).unwrap();
+        let mut matrices = Matrices::new(&system).unwrap();
+        matrices.update(&state, Stiffness::Full).unwrap();
+        let a = matrices.k().scaled(-1.0);
+        let zero = ZERO * weighted_norm(&a, matrices.masses());
+        let rigid = unresisted(&a, matrices.masses(), rigid_motions(&system, &state.positions), zero);
+        let wanted = 6 + rigid.len();
+        let pairs = uncounted(&system, &state, &a, matrices.masses(), &rigid, wanted, &mut Work::default()).unwrap();
+        assert_eq!((rigid.len(), pairs.len()), (found.zero_modes.len(), wanted));
+        for (pair, mode) in pairs[rigid.len()..].iter().zip(&found.modes) {
+            assert!(
+                (pair.value - mode.eigenvalue).abs() < 1e-8 * mode.eigenvalue,
+                "{} {}",
+                pair.value,
+                mode.eigenvalue
+            );
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! Normal modes, mechanisms and load paths as what pages show.
+
+use super::{BALANCED, ranges, self_stresses};
+use crate::equilibrium::{Equilibrium, LoadPath, Stability};
+use crate::figure::{Animation, Axis, Guide, Plot, SceneTopology, Series, Track};
+use crate::mechanisms::Mechanisms;
+use crate::modes::{Mode, Modes};
+use crate::report::number::{count, pretty};
+use crate::report::view::{Motion, Motions};
+use crate::system::System;
+
+/// Normal modes, zero modes first.
+pub fn mode_motions(scene: &str, at: &str, system: &System, found: &Modes) -> Motions {
+    let dimension = system.dimension();
+    let mut movable = [0.0; 3];
+    for (p, mass) in system.masses().iter().enumerate() {
+        system.dofs().free_axes(p).iter().for_each(|axis| movable[axis] += mass);
+    }
+    let axes = &["x", "y", "z"][..dimension];
+    let columns = ["Hz", "period, s", "damping"].map(String::from).into_iter();
+    let columns = columns.chain(axes.iter().map(|axis| format!("mass {axis}, %"))).collect();
+    let motion = |name: String, mode: &Mode, is_zero: bool| {
+        let ([frequency, period], remark) = match (is_zero, mode.frequency(), mode.growth_rate()) {
+            (true, ..) => (["0".into(), "∞".into()], "moves without resistance".into()),
+            (_, Some(frequency), _) => {
+                let remark = format!("{} Hz, a period of {} s", pretty(frequency), pretty(frequency.recip()));
+                ([pretty(frequency), pretty(frequency.recip())], remark)
+            }
+            (_, None, rate) => {
+                let rate = pretty(rate.unwrap_or(f64::NAN));
+                (["grows".into(), format!("{rate} /s")], format!("grows as exp({rate} t/s)"))
+            }
+        };
+        let damping = if is_zero { None } else { mode.damping_ratio };
+        let part = |(mass, all): (&f64, &f64)| match 100.0 * mass / all {
+            part if part < 0.05 => "0".into(),
+            part => format!("{part:.1}"),
+        };
+        let masses = mode.effective_mass[..dimension].iter().zip(&movable).map(part);
+        let cells = [frequency, period, damping.map_or("–".into(), pretty)].into_iter().chain(masses).collect();
+        Motion { name, cells, remark, shape: found.shape(mode) }
+    };
+    let zeros = found.zero_modes.iter().enumerate().map(|(k, mode)| motion(format!("zero {}", k + 1), mode, true));
+    let others = found.modes.iter().enumerate().map(|(k, mode)| motion(format!("mode {}", k + 1), mode, false));
+    let first = if found.modes.is_empty() { 0 } else { found.zero_modes.len() };
+    let mut facts = vec![format!(
+        "At {at}: {} and {}.",
+        count(found.zero_modes.len(), "zero mode"),
+        count(found.modes.len(), "mode")
+    )];
+    let mut warnings = Vec::new();
+    if found.complete {
+        let below = pretty(found.counted_below);
+        facts.push(format!("A factorization counts the eigenvalues below {below} 1/s²: none is missing."));
+    } else {
+        warnings.push("The eigenvalues were not counted: modes may be missing.".into());
+    }
+    if found.imbalance > BALANCED {
+        let part = pretty(found.imbalance);
+        warnings.push(format!("The state is no equilibrium: {part} of the largest force is not balanced."));
+    }
+    let growing = found.modes.iter().filter(|mode| mode.eigenvalue < 0.0).count();
+    if growing > 0 {
+        warnings.push(format!("The state is unstable: {} with a negative ω².", count(growing, "growing mode")));
+    }
+    let motions = zeros.chain(others).collect();
+    Motions { title: format!("Modes of {scene}"), facts, warnings, columns, motions, first }
+}
+
+/// Mechanisms besides rigid motions.
+pub fn mechanism_motions(scene: &str, found: &Mechanisms) -> Motions {
+    let motion = |(k, (vector, movers)): (usize, (&Vec<f64>, &Vec<usize>))| Motion {
+        name: format!("motion {}", k + 1),
+        cells: vec![movers.len().to_string(), ranges(movers)],
+        remark: format!("moves {}", count(movers.len(), "particle")),
+        shape: found.shape(vector),
+    };
+    let motions = found.motions.iter().zip(&found.movers).enumerate().map(motion).collect();
+    let others = found.mechanisms.saturating_sub(found.rigid_motions);
+    let mut facts = vec![
+        format!(
+            "{} beside {}; {}.",
+            count(others, "mechanism"),
+            count(found.rigid_motions, "rigid motion"),
+            self_stresses(found)
+        ),
+        "Small motions stretch no spring. Drawn large they are straight, and stretch springs that turn.".into(),
+    ];
+    match found.prestress_stable {
+        Some(true) => facts.push("Prestress stiffens all of them.".into()),
+        Some(false) => facts.push("Prestress does not stiffen all of them.".into()),
+        None => {}
+    }
+    let mut warnings = Vec::new();
+    if !found.decided {
+        warnings.push("A singular value is too close to the limit of rounding: the rank is not certain.".into());
+    }
+    if found.motions.len() < others {
+        warnings.push(format!("{} of {others} were computed.", found.motions.len()));
+    }
+    let columns = ["particles", "which"].map(String::from).into();
+    Motions { title: format!("Mechanisms of {scene}"), facts, warnings, columns, motions, first: 0 }
+}
+
+/// The largest displacement from the first equilibrium of a path, for each of its equilibria.
+fn displacements(path: &LoadPath) -> Vec<f64> {
+    let start = path.steps.first().map(|(_, first)| first.state.positions.as_slice()).unwrap_or_default();
+    let distance = |found: &Equilibrium| {
+        let distances = found.state.positions.iter().zip(start).map(|(x, x0)| (x - x0).norm());
+        distances.fold(0.0, f64::max)
+    };
+    path.steps.iter().map(|(_, found)| distance(found)).collect()
+}
+
+/// Displacements over the load, with the critical loads.
+pub fn load_path_plot(scene: &str, path: &LoadPath) -> Plot {
+    let points =
+        || path.steps.iter().zip(displacements(path)).map(|((factor, found), u)| (*factor, u, found.stability));
+    let of = |wanted: bool| {
+        let chosen = points()
+            .filter(move |(.., stability)| matches!(stability, Stability::Stable | Stability::Indifferent) == wanted);
+        chosen.map(|(factor, u, _)| (factor, u)).collect::<Vec<_>>()
+    };
+    let axes = [Axis::linear("part of the full load"), Axis::linear("largest displacement, m")];
+    let [x, y] = axes;
+    let mut plot = Plot::new(format!("Load path of {scene}"), x, y).with_series(Series::line("equilibria", of(true)));
+    let unstable = of(false);
+    if !unstable.is_empty() {
+        plot = plot.with_series(Series::scatter("unstable, or not found", unstable));
+    }
+    for critical in &path.critical {
+        let label = format!("{} at {}", critical.kind.name(), pretty(critical.factor));
+        plot = plot.with_guide(Guide::Vertical { x: critical.factor, label });
+    }
+    match path.linear_buckling {
+        Some(factor) if factor <= 2.0 => {
+            let label = format!("linear buckling, an estimate, at {}", pretty(factor));
+            plot.with_guide(Guide::Vertical { x: factor, label })
+        }
+        _ => plot,
+    }
+}
+
+/// The equilibria of a path as frames over the load.
+pub fn load_path_animation(scene: &str, topology: SceneTopology, path: &LoadPath) -> Animation {
+    let mut animation = Animation::new(scene, topology);
+    animation.clock = ["load", ""];
+    animation.remarks = vec![format!(
+        "{} under rising load",
+        count(path.steps.len(), "equilibrium").replace("equilibriums", "equilibria")
+    )];
+    for critical in &path.critical {
+        animation.remarks.push(format!("{} at {} of the full load", critical.kind.name(), pretty(critical.factor)));
+    }
+    for (factor, found) in &path.steps {
+        animation.push(*factor, &found.state.positions);
+    }
+    let times: Vec<f64> = path.steps.iter().map(|(factor, _)| *factor).collect();
+    let track = |title: &str, unit: &str, values: Vec<f64>| Track {
+        title: title.into(),
+        unit: unit.into(),
+        times: times.clone(),
+        curves: vec![(title.into(), values)],
+    };
+    animation.tracks = vec![
+        track("largest displacement", "m", displacements(path)),
+        track("energy", "J", path.steps.iter().map(|(_, found)| found.energy).collect()),
+    ];
+    animation
+}

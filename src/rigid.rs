@@ -1,0 +1,197 @@
+//! Bodies, the parts of a scene that springs connect, and their rigid motions.
+//!
+//! A rigid motion of a body is `u_i = t + ω × (x_i − c)`, in the plane with one rotation, on a line with none. Constraints admit those for which every
+//! held coordinate stays: the null space of the six motions' values there.
+
+use crate::system::System;
+use nalgebra::{DMatrix, SymmetricEigen, Vector3};
+
+/// Particles that springs connect, and the held particles that they are tied to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Body {
+    /// Particles with a free coordinate, ascending.
+    pub particles: Vec<usize>,
+    /// Particles without one at the other ends of springs.
+    pub anchors: Vec<usize>,
+}
+
+/// The bodies of a system, ordered by their first particles. A particle that is held along all axes joins none.
+pub(crate) fn bodies(system: &System) -> Vec<Body> {
+    let is_free = |p: usize| !system.dofs().rows(p).is_empty();
+    let mut parent: Vec<usize> = (0..system.particles()).collect();
+    fn root(parent: &mut [usize], mut p: usize) -> usize {
+        while parent[p] != p {
+            parent[p] = parent[parent[p]];
+            p = parent[p];
+        }
+        p
+    }
+    for (_, [i, j], _) in system.active().filter(|(_, ends, _)| ends.iter().all(|&p| is_free(p))) {
+        let (a, b) = (root(&mut parent, i), root(&mut parent, j));
+        parent[a.max(b)] = a.min(b);
+    }
+    let mut number = vec![usize::MAX; system.particles()];
+    let mut bodies: Vec<Body> = Vec::new();
+    for p in (0..system.particles()).filter(|&p| is_free(p)) {
+        let first = root(&mut parent, p);
+        if number[first] == usize::MAX {
+            number[first] = bodies.len();
+            bodies.push(Body { particles: Vec::new(), anchors: Vec::new() });
+        }
+        number[p] = number[first];
+        bodies[number[p]].particles.push(p);
+    }
+    for (_, [i, j], _) in system.active() {
+        for (free, held) in [(i, j), (j, i)] {
+            if is_free(free) && !is_free(held) {
+                bodies[number[free]].anchors.push(held);
+            }
+        }
+    }
+    for body in &mut bodies {
+        body.anchors.sort_unstable();
+        body.anchors.dedup();
+    }
+    bodies
+}
+
+/// Relative size of what counts as no motion of a held coordinate, and of what counts as no motion at all.
+const NOTHING: f64 = 1e-9;
+
+impl Body {
+    /// A basis of the rigid motions that the constraints admit, as velocities of the body's particles, in their order; orthonormal in the inner product
+    /// of the free coordinates' masses.
+    pub fn rigid_motions(&self, system: &System, positions: &[Vector3<f64>]) -> Vec<Vec<Vector3<f64>>> {
+        let dimension = system.dimension();
+        let members: Vec<usize> = self.particles.iter().chain(&self.anchors).copied().collect();
+        let centre = members.iter().map(|&p| positions[p]).sum::<Vector3<f64>>() / members.len() as f64;
+        let arm = |p: usize| positions[p] - centre;
+        let radius = members.iter().map(|&p| arm(p).norm()).fold(0.0, f64::max);
+        let turn = |axis: Vector3<f64>| {
+            move |arm: Vector3<f64>| if radius > 0.0 { axis.cross(&arm) / radius } else { Vector3::zeros() }
+        };
+        let mut motions: Vec<Box<dyn Fn(usize) -> Vector3<f64>>> = Vec::new();
+        for axis in 0..dimension {
+            motions.push(Box::new(move |_| Vector3::ith(axis, 1.0)));
+        }
+        let axes = match dimension {
+            3 => vec![Vector3::x(), Vector3::y(), Vector3::z()],
+            2 => vec![Vector3::z()],
+            _ => vec![],
+        };
+        for axis in axes {
+            let turn = turn(axis);
+            motions.push(Box::new(move |p| turn(arm(p))));
+        }
+        let count = motions.len();
+        // Motion of the held coordinates, and of the free ones, as quadratic forms of the coefficients.
+        let (mut held, mut free) = (DMatrix::zeros(count, count), DMatrix::zeros(count, count));
+        for &p in &members {
+            let at: Vec<Vector3<f64>> = motions.iter().map(|motion| motion(p)).collect();
+            let axes = system.dofs().free_axes(p);
+            #[expect(clippy::needless_range_loop, reason = "an axis is an index of several vectors")]
+            for axis in 0..dimension {
+                let (form, weight) = match axes.contains(axis) {
+                    true => (&mut free, system.masses()[p]),
+                    false => (&mut held, 1.0),
+                };
+                for a in 0..count {
+                    for b in 0..count {
+                        form[(a, b)] += weight * at[a][axis] * at[b][axis];
+                    }
+                }
+            }
+        }
+        let admitted = null_space(held);
+        if admitted.is_empty() {
+            return Vec::new();
+        }
+        let projected = admitted.transpose() * free * &admitted;
+        let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(projected);
+        let largest = eigenvalues.max();
+        let kept = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] > NOTHING * largest);
+        kept.map(|k| {
+            let coefficients = &admitted * eigenvectors.column(k) / eigenvalues[k].sqrt();
+            let velocity = |&p: &usize| {
+                let axes = system.dofs().free_axes(p);
+                let u: Vector3<f64> = motions.iter().zip(coefficients.iter()).map(|(motion, c)| motion(p) * *c).sum();
+                Vector3::from_fn(|axis, _| if axes.contains(axis) { u[axis] } else { 0.0 })
+            };
+            self.particles.iter().map(velocity).collect()
+        })
+        .collect()
+    }
+}
+
+/// An orthonormal basis of the null space of a positive semidefinite matrix.
+fn null_space(form: DMatrix<f64>) -> DMatrix<f64> {
+    let size = form.trace();
+    let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(form);
+    let null: Vec<usize> = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] <= NOTHING * size).collect();
+    eigenvectors.select_columns(&null)
+}
+
+/// The rigid motions of all bodies as reduced vectors, body by body.
+pub(crate) fn rigid_motions(system: &System, positions: &[Vector3<f64>]) -> Vec<Vec<f64>> {
+    let of_body = |body: &Body| {
+        let motions = body.rigid_motions(system, positions).into_iter();
+        let reduced = motions.map(|motion| {
+            let mut reduced = vec![0.0; system.dofs().len()];
+            for (&p, u) in body.particles.iter().zip(&motion) {
+                system.dofs().add(&mut reduced, p, u);
+            }
+            reduced
+        });
+        reduced.collect::<Vec<_>>()
+    };
+    bodies(system).iter().flat_map(of_body).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spring::Spring;
+    use crate::system::{Constraint, SystemBuilder};
+
+    /// A triangle, a bar and a free particle, with a held particle beside: 6 + 5 + 3 motions; by constraints fewer.
+    #[test]
+    fn rigid_motions_are_those_that_constraints_admit() {
+        let spring = Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 };
+        let build = |constraints: &[Constraint]| {
+            let mut builder = SystemBuilder::new();
+            for x in
+                [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [5.0, 0.0, 0.0], [6.0, 0.0, 1.0], [9.0, 9.0, 9.0]]
+            {
+                builder.particle(x, 2.0);
+            }
+            for [i, j] in [[0, 1], [1, 2], [2, 0], [3, 4]] {
+                builder.spring(i, j, spring);
+            }
+            constraints.iter().for_each(|constraint| {
+                builder.constrain(constraint.clone());
+            });
+            builder.build().unwrap()
+        };
+        for (held, parts, motions) in [
+            (vec![], 3, 14),
+            // Three rotations of the triangle about its corner are left.
+            (vec![Constraint::hold([0])], 3, 11),
+            // One about an edge.
+            (vec![Constraint::hold([0, 1])], 3, 9),
+            // Along z only: two translations, one rotation.
+            (vec![Constraint { axes: crate::system::Axes::of(&[2]), ..Constraint::hold([0, 1, 2]) }], 3, 11),
+            (vec![Constraint::hold([5])], 2, 11),
+        ] {
+            let (system, state) = build(&held);
+            assert_eq!(bodies(&system).len(), parts);
+            let basis = rigid_motions(&system, &state.positions);
+            assert_eq!(basis.len(), motions, "{held:?}");
+            for (k, a) in basis.iter().enumerate() {
+                for (l, b) in basis.iter().enumerate() {
+                    let product: f64 = a.iter().zip(b).map(|(a, b)| 2.0 * a * b).sum();
+                    assert!((product - f64::from(u8::from(k == l))).abs() < 1e-12);
+                }
+            }
+        }
+    }
+}
