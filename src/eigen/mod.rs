@@ -5,7 +5,7 @@
 //! A φ = λ M φ,      A symmetric,  M diagonal and positive: the masses, or the identity
 //! ```
 //!
-//! There is one solver, [`BlockLanczos`], for any operator B that is self-adjoint in the inner product `⟨x, y⟩ = xᵀMy`. [`ShiftInvert`]
+//! There is one solver, `BlockLanczos`, for any operator B that is self-adjoint in the inner product `⟨x, y⟩ = xᵀMy`. `ShiftInvert`
 //! gives it `(A − σM)⁻¹M` with a sparse factorization. Where a matrix cannot be factored the solver takes A itself, preconditioned.
 //!
 //! **Error bounds.** With `r = Aφ − λMφ` and `φᵀMφ = 1` there is an eigenvalue within `‖M^{-1/2} r‖` of λ (Parlett, The Symmetric
@@ -21,7 +21,7 @@
 //! and the residuals of the pairs that have not converged extend V. As long as none has, V spans the Krylov space of the first block
 //! (Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994); converged pairs stay in V and are *locked*. A full basis is
 //! compressed to its best Ritz vectors (Wu and Simon, SIAM J. Matrix Anal. Appl. 22, 2000). A block of k finds eigenvalues up to
-//! k-fold at once; random vectors, which [`refresh`](BlockLanczos::refresh) adds, find more.
+//! k-fold at once; random vectors, which `BlockLanczos::refresh` adds, find more.
 //!
 //! **Preconditioned**, with T about B⁻¹, the vectors `T r` extend V: Davidson's method. Its space holds those of LOBPCG (Knyazev, SIAM
 //! J. Sci. Comput. 23, 2001), so that its Ritz values are no worse, step by step.

@@ -24,10 +24,10 @@ pub fn html(animation: &Animation) -> io::Result<String> {
     within(animation, 38_000_000)
 }
 
-/// As [`html`], with at most so many bytes of data.
+/// As [`html()`], with at most so many bytes of data.
 ///
 /// # Errors
-/// As [`html`].
+/// As [`html()`].
 pub fn within(animation: &Animation, limit: usize) -> io::Result<String> {
     page(animation, &encode::encode(animation, limit))
 }
