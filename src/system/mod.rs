@@ -11,8 +11,10 @@ mod state;
 pub use builder::SystemBuilder;
 pub use constraint::{Constraint, Motion, Prescribed};
 pub use dofs::{Axes, Dof, DofMap};
+pub(crate) use loads::SAME_TIME;
+#[cfg(feature = "scene")]
+pub(crate) use loads::check_length;
 pub use loads::{Actuation, Behaviour, Curve, Derivatives, ExternalForce, Loads};
-pub(crate) use loads::{SAME_TIME, check_length};
 pub use partition::Communicator;
 pub(crate) use partition::ThreadPartition;
 pub use state::{State, StateView};
