@@ -79,8 +79,23 @@ def run_of_a_cloth() -> dict:
     return {}
 
 
+def modes_of_a_string() -> dict[str, object]:
+    """The files that the command writes with normal modes."""
+    program = command()
+    if program is None:
+        pytest.skip("the command sprung is not built: set SPRUNG_COMMAND, or cargo build --release")
+    sprung.System.ready("string", 5).save("bridge.toml")
+    subprocess.run([program, "modes", "bridge.toml", "-n", "3", "--quiet", "--out", "out/bridge"], check=True, timeout=300)
+    return {}
+
+
 #: The input of pages whose blocks continue from files or arrays.
-INPUTS = {"k-alone": matrices_of_a_chain, "large-scenes": arrays_of_a_cloth, "reading-results": run_of_a_cloth}
+INPUTS = {
+    "k-alone": matrices_of_a_chain,
+    "large-scenes": arrays_of_a_cloth,
+    "modes": modes_of_a_string,
+    "reading-results": run_of_a_cloth,
+}
 
 
 def imported(code: str) -> set[str]:
