@@ -309,8 +309,9 @@ impl<'s> Search<'s> {
             // One more step, at full length, takes the residual to rounding.
             self.polish()?;
             let Some(direction) = self.unstable_direction()? else {
-                let is_free = self.inertia()?.zero > 0;
-                return self.end(if is_free { Stability::Indifferent } else { Stability::Stable });
+                let inertia = self.inertia()?;
+                let stability = if inertia.zero > 0 { Stability::Indifferent } else { Stability::Stable };
+                return Ok(self.ended(stability, inertia));
             };
             self.saddles += 1;
             if !self.options.leave_saddles || self.saddles > SADDLES || !self.leave(&direction) {
@@ -444,10 +445,9 @@ impl<'s> Search<'s> {
         }
         let mut factorization = Ldlt::sharing(&self.cholesky)?;
         let mut counts = ShiftInvert::new(Pencil::of(&a), &mut factorization, &mut self.work);
-        // A pivot that vanishes at one shift does not at another.
-        let mut below =
-            |shift: f64| (0..8).find_map(|k| counts.below(shift * (1.0 + 0.01 * f64::from(k)))).unwrap_or(0);
-        let (negative, not_positive) = (below(-band), below(band));
+        // A pivot that vanishes at one shift does not at another; what cannot be counted is not told from zero.
+        let mut below = |shift: f64| (0..8).find_map(|k| counts.below(shift * (1.0 + 0.01 * f64::from(k))));
+        let (negative, not_positive) = (below(-band).unwrap_or(0), below(band).unwrap_or(order));
         Ok(Signs { negative, zero: not_positive.saturating_sub(negative), positive: order - not_positive })
     }
 
@@ -494,8 +494,13 @@ impl<'s> Search<'s> {
 
     fn end(mut self, stability: Stability) -> Result<Equilibrium> {
         let inertia = self.inertia()?;
-        Ok(Equilibrium {
+        Ok(self.ended(stability, inertia))
+    }
+
+    fn ended(self, stability: Stability, inertia: Signs) -> Equilibrium {
+        Equilibrium {
             stability,
+            load: self.options.load,
             residual: self.residual(),
             energy: self.energy,
             iterations: self.iterations,
@@ -503,9 +508,8 @@ impl<'s> Search<'s> {
             lowest: self.lowest,
             falling: self.falling,
             work: self.work,
-            load: self.options.load,
             state: self.state,
-        })
+        }
     }
 }
 

@@ -3,12 +3,12 @@
 use super::common::{At, LoadedScene, SceneFile, claim};
 use super::console::{Console, warning};
 use super::threads::Threads;
+use super::view::write_motions;
 use super::{Exit, Stop};
-use sprung::figure::SceneTopology;
+use sprung::Result;
 use sprung::mechanisms::{Mechanisms, mechanisms};
 use sprung::output::{AtomicFile, OutputFolder};
 use sprung::report::statics::{MechanismsRecord, mechanism_motions, mechanisms_text};
-use sprung::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// Say why a matrix is singular: motions that stretch no spring
@@ -72,15 +72,6 @@ fn write(
     record: &MechanismsRecord<'_>,
     found: &Mechanisms,
 ) -> Result<bool> {
-    let LoadedScene { name, system, state, triangles, .. } = scene;
     AtomicFile::write_indented_json(folder.join(FILES[0]), record)?;
-    let motions = mechanism_motions(name, found);
-    if motions.motions.is_empty() {
-        claimed.remove(PAGE)?;
-        return Ok(false);
-    }
-    let page = motions.html(SceneTopology::of(system, triangles), &state.positions);
-    let page = page.map_err(|source| Error::io(folder.join(PAGE), source))?;
-    AtomicFile::write_text(folder.join(PAGE), &page)?;
-    Ok(true)
+    write_motions(claimed, &folder.join(PAGE), scene, &mechanism_motions(&scene.name, found))
 }

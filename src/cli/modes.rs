@@ -3,9 +3,9 @@
 use super::common::{At, LoadedScene, SceneFile, claim, positive_count};
 use super::console::{Console, warning};
 use super::threads::Threads;
+use super::view::write_motions;
 use super::{Exit, Stop};
 use sprung::equilibrium::{EquilibriumOptions, Stability, equilibrium};
-use sprung::figure::SceneTopology;
 use sprung::modes::{Modes, modes};
 use sprung::output::{AtomicFile, OutputFolder, write_modes};
 use sprung::report::statics::{ModesRecord, mode_motions, modes_text, verdict};
@@ -111,16 +111,7 @@ fn write(
     record: &ModesRecord<'_>,
     found: &Modes,
 ) -> Result<bool> {
-    let LoadedScene { name, system, state, triangles, .. } = scene;
     AtomicFile::write_indented_json(folder.join(FILES[0]), record)?;
-    write_modes(folder.join(FILES[1]), system, found)?;
-    let motions = mode_motions(name, at, system, found);
-    if motions.motions.is_empty() {
-        claimed.remove(PAGE)?;
-        return Ok(false);
-    }
-    let page = motions.html(SceneTopology::of(system, triangles), &state.positions);
-    let page = page.map_err(|source| Error::io(folder.join(PAGE), source))?;
-    AtomicFile::write_text(folder.join(PAGE), &page)?;
-    Ok(true)
+    write_modes(folder.join(FILES[1]), &scene.system, found)?;
+    write_motions(claimed, &folder.join(PAGE), scene, &mode_motions(&scene.name, at, &scene.system, found))
 }

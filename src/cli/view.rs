@@ -1,12 +1,12 @@
 //! `sprung view`: the motion of a run as a page that plays it.
 
-use super::common::{At, SceneFile, folder_of};
+use super::common::{At, LoadedScene, SceneFile, folder_of};
 use super::console::{Console, number};
 use super::{Exit, Stop};
 use serde_json::json;
 use sprung::figure::{Animation, SceneTopology};
-use sprung::output::{AtomicFile, TRAJECTORY, playback};
-use sprung::report::view::html;
+use sprung::output::{AtomicFile, OutputFolder, TRAJECTORY, playback};
+use sprung::report::view::{Motions, html};
 use sprung::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -89,4 +89,15 @@ pub fn write_page(page: &Path, animation: &Animation) -> Result<usize> {
     let text = html(animation).map_err(|source| Error::io(page, source))?;
     AtomicFile::write_text(page, &text)?;
     Ok(text.len())
+}
+
+/// Writes the page of motions about a state; removes an older one, and returns false, where there are none.
+pub fn write_motions(claimed: &OutputFolder, page: &Path, scene: &LoadedScene, motions: &Motions) -> Result<bool> {
+    if motions.motions.is_empty() {
+        page.file_name().and_then(|name| name.to_str()).map_or(Ok(()), |name| claimed.remove(name))?;
+        return Ok(false);
+    }
+    let text = motions.html(SceneTopology::of(&scene.system, &scene.triangles), &scene.state.positions);
+    AtomicFile::write_text(page, &text.map_err(|source| Error::io(page, source))?)?;
+    Ok(true)
 }
