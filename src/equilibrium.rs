@@ -1,12 +1,16 @@
-//! Static equilibrium: a minimum of the energy.
+//! Static equilibria, found as minima of the potential energy, and load paths through them.
+//!
+//! [`equilibrium`] searches downhill from a state; [`load_path`] follows the equilibrium as gravity and loads grow from zero. Both solve, on
+//! the free coordinates and for a load factor λ (1 by default),
 //!
 //! ```text
-//! f_el(x) + λ (M g + f_ext) = 0  on the free coordinates,      E(x) = Σ ½ k (l − l0)²/l0 − λ Σ (m g + f)·x,      λ = 1
+//! f_el(x) + λ (M g + f_ext) = 0,      E(x) = Σ ½ k (l − l0)²/l0 − λ Σ (m g + f)·x.
 //! ```
 //!
-//! **Newton's method** with `−K(x) p = f` and a line search on E. Where −K is not positive definite the step is solved with option *tension*, without the
-//! transverse terms of compressed springs, on demand: only in that step. Regularising every step, shifting −K by a multiple of the identity, or taking
-//! absolute values of its negative eigenvalues needs several times as many steps for springs.
+//! The result is classified by the signs of the eigenvalues of −K: stable, a saddle, free to move, or no equilibrium.
+//!
+//! **Newton's method** with `−K(x) p = f` and a non-monotone line search on E. Where −K is not positive definite, that step alone is solved with option
+//! *tension*, without the transverse terms of compressed springs.
 //!
 //! **Differences of E** are sums of rounding errors near the minimum. There the trapezoidal rule `−½ (f(x) + f(x + p))·p`, exact to third order in p,
 //! has no cancellation and takes over.
@@ -21,7 +25,7 @@ mod load_path;
 pub use load_path::{CriticalKind, CriticalLoad, LoadPath, load_path};
 
 use crate::assembly::SymmetricMatrix;
-use crate::eigen::{Accuracy, End, Pencil, ShiftInvert};
+use crate::eigen::{Accuracy, Pencil, ShiftInvert};
 use crate::error::{Error, Invalid, Result, check_length};
 use crate::force::{SpringGeometry, add_elastic_differential, add_elastic_force, add_external_forces, add_weight};
 use crate::gradient::{Parameters, Point};
@@ -34,6 +38,7 @@ use crate::system::{State, StateView, System};
 use crate::work::Work;
 use faer::Par;
 use nalgebra::Vector3;
+use std::collections::VecDeque;
 
 /// How an equilibrium is searched for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -194,6 +199,10 @@ fn loads(system: &System, state: &State, factor: f64) -> Vec<Vector3<f64>> {
 /// Sufficient decrease of E: the part of the slope that counts (Nocedal and Wright, Numerical Optimization, 3.1).
 const ARMIJO: f64 = 1e-4;
 
+/// Steps whose largest E is to be undercut (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986): a long step that turns springs stretches them
+/// to second order, which the next step undoes.
+const MEMORY: usize = 10;
+
 /// Halvings of a step at most.
 const HALVINGS: usize = 50;
 
@@ -219,6 +228,8 @@ struct Search<'s> {
     acting: f64,
     least_acting: f64,
     energy: f64,
+    /// E before the last steps, at most [`MEMORY`].
+    recent: VecDeque<f64>,
     iterations: usize,
     saddles: usize,
     falling: Vec<usize>,
@@ -246,6 +257,7 @@ impl<'s> Search<'s> {
             acting: 0.0,
             least_acting: 0.0,
             energy: 0.0,
+            recent: VecDeque::new(),
             iterations: 0,
             saddles: 0,
             falling: Vec::new(),
@@ -361,20 +373,22 @@ impl<'s> Search<'s> {
         step
     }
 
-    /// Moves along a step until E has decreased enough; false where no length does.
+    /// Moves along a step until E is low enough; false where no length does.
     fn line_search(&mut self, step: &[f64]) -> bool {
         let slope = dot(&self.force, step);
         if !(slope > 0.0 && slope.is_finite()) {
             return false;
         }
-        let (start, energy, force) = (self.state.positions.clone(), self.energy, self.force.clone());
-        let size = self.size();
+        let (start, force, size) = (self.state.positions.clone(), self.force.clone(), self.size());
+        self.recent.truncate(MEMORY - 1);
+        self.recent.push_front(self.energy);
+        let highest = self.recent.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         // No particle moves farther than the scene is large.
         let longest = step.iter().fold(0.0f64, |longest, u| longest.max(u.abs()));
         let mut length = (size / longest).min(1.0);
         for _ in 0..HALVINGS {
             if self.place(&start, length, step) {
-                let exact = self.energy - energy;
+                let exact = self.energy - highest;
                 let by_forces = -0.5 * length * (dot(&force, step) + dot(&self.force, step));
                 let change = if exact.abs() > CANCELLED * self.terms() { exact } else { by_forces };
                 if change <= -ARMIJO * length * slope {
@@ -469,7 +483,7 @@ impl<'s> Search<'s> {
         }
         let mut factorization = Ldlt::sharing(&self.cholesky)?;
         let mut search = ShiftInvert::new(Pencil::of(&a), &mut factorization, &mut self.work);
-        let lowest = search.extreme(End::Lowest, 1, Accuracy::CERTIFIED).into_iter().next();
+        let lowest = search.lowest(1, Accuracy::CERTIFIED).into_iter().next();
         self.lowest = lowest.filter(|pair| pair.value <= band).map(|pair| (pair.value, pair.vector));
         Ok(self.lowest.clone().filter(|(value, _)| *value < -band).map(|(_, vector)| vector))
     }
@@ -477,6 +491,7 @@ impl<'s> Search<'s> {
     /// Moves off a saddle, along a direction or against it, to where E is lower.
     fn leave(&mut self, direction: &[f64]) -> bool {
         let (start, energy) = (self.state.positions.clone(), self.energy);
+        self.recent.clear();
         let longest = direction.iter().fold(0.0f64, |longest, u| longest.max(u.abs()));
         let mut length = 0.1 * self.size() / longest;
         for _ in 0..HALVINGS {

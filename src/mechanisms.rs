@@ -15,7 +15,7 @@
 //! but rigid motions, prestress makes the structure stiff (Calladine and Pellegrino 1991).
 
 use crate::assembly::{BlockPattern, SymmetricMatrix};
-use crate::eigen::{Accuracy, End, Pencil, ShiftInvert};
+use crate::eigen::{Accuracy, Pencil, ShiftInvert};
 use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
 use crate::linear::{Ldlt, dot, norm};
@@ -269,7 +269,7 @@ impl Directions<'_> {
         let mut motions = Vec::new();
         let mut found = zeros;
         if zeros <= COMPUTED {
-            let pairs = search.extreme(End::Lowest, (zeros + 1).min(d), Accuracy::FULL);
+            let pairs = search.lowest((zeros + 1).min(d), Accuracy::FULL);
             let complete = search.edge.is_some();
             let sizes: Vec<f64> = pairs.iter().map(|pair| self.stretch(&pair.vector)).collect();
             found = sizes.iter().filter(|size| **size <= (DROPPED * KEPT).sqrt() * largest).count();

@@ -1,4 +1,4 @@
-//! Normal modes, counted.
+//! Normal modes, with a proof by inertia that none is missing, and reduced models made of them: state space and harmonic response.
 //!
 //! ```text
 //! −K φ = ω² M φ,      φᵀ M φ = 1,      frequency ω/2π
@@ -158,7 +158,7 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
     let mut pairs = loop {
         // Twice the space of the search.
         memory::ensure(32 * (wanted as u64 + 50) * order as u64, "the vectors of so many modes and zero modes")?;
-        let pairs = search.extreme(End::Lowest, wanted, Accuracy::FULL);
+        let pairs = search.lowest(wanted, Accuracy::FULL);
         let zeros = pairs.iter().filter(|pair| is_zero(pair)).count();
         if pairs.len() < wanted || wanted == order || pairs.len() - zeros >= count {
             break pairs;

@@ -1,7 +1,5 @@
 //! Runs to a required accuracy, and the method that suits a scene.
 //!
-//! In the guide (`cargo xtask guide`), under theory: `accuracy`.
-//!
 //! **Confirmed** means that two runs which do not share their errors agree, and that the propagated error explains their difference:
 //!
 //! 1. a run with the [propagated error](crate::integrate::PropagatedError) of its own steps, and
@@ -10,6 +8,8 @@
 //! The second run is the answer. With the method's order p and steps f times as fine its error is the difference, or the propagated
 //! error where that is more, over f^(p/2), half of the digits that the order promises. Where the motion magnifies errors the
 //! propagated error is large, whatever two runs agree on.
+//!
+//! Derivations are in the guide (`cargo xtask guide`), under theory: `accuracy`.
 
 mod search;
 mod spectral_radius;

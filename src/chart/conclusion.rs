@@ -1,8 +1,8 @@
 //! The conclusion of each picture, in a sentence, from the runs that advice can rest on.
 
 use super::decision::name;
-use super::figures::Figure;
 use super::run::short;
+use super::work_precision_figure::Figure;
 use super::{Run, WorkPrecision};
 use crate::figure::Series;
 

@@ -1,28 +1,28 @@
 //! Speed against accuracy, and the limits of stability, as plain data.
 //!
 //! [`WorkPrecision`] sweeps methods, stiffness options, solvers and steps over one scene and measures what each run costs and
-//! how far it ends from a [`Reference`] of independent origin. How this looks is decided elsewhere.
+//! how far it ends from a [`Reference`] of independent origin. Pages are made from it in [`report`](crate::report).
 
 mod conclusion;
 mod curve;
 mod decision;
 mod dop853;
-mod figures;
 mod reference;
 mod run;
 pub mod stability;
 mod sweep;
 mod work_precision;
+mod work_precision_figure;
 
 pub use curve::{Curve, best_of_each, curves, tail};
 pub use decision::Decision;
 pub use dop853::dop853;
-pub use figures::Figure;
 pub use reference::Reference;
 pub use run::{LARGEST_ERROR, Quality, Run};
 pub use stability::StabilityMap;
 pub use sweep::configurations;
 pub use work_precision::{SweepOptions, WorkPrecision};
+pub use work_precision_figure::Figure;
 
 use crate::interrupt::Interrupt;
 use std::time::{Duration, Instant};

@@ -1,4 +1,6 @@
-//! Speed against accuracy on one scene.
+//! Work–precision data of one scene: the error and cost of every method, stiffness option and solver over a range of steps.
+//!
+//! [`WorkPrecision::measure`] computes the reference and runs the sweep (`sweep`); `work_precision_figure` draws the results.
 
 use super::run::Bench;
 use super::sweep::{sweep, tolerances};

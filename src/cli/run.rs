@@ -5,7 +5,7 @@ use super::common::{At, LoadedScene, SceneFile, claim, positive, positive_count,
 use super::console::{Console, count, error, help, number, warning};
 use super::files::{FILES, Files, Recorder};
 use super::method::{MethodArguments, arguments_of};
-use super::parts::{Checkpoints, Earlier, Ended, Parts};
+use super::resume::{Checkpoints, Earlier, Ended, Parts};
 use super::summary::SummaryText;
 use super::threads::{Threads, end_in_order};
 use super::{Exit, Stop};

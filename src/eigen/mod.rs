@@ -31,8 +31,8 @@ mod shift_invert;
 pub(crate) use shift_invert::{Accuracy, Pencil, ShiftInvert, eigenpair};
 pub use shift_invert::{Lowest, lowest};
 
-use crate::linear::norm;
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use crate::linear::{dot, norm};
+use nalgebra::{DMatrix, DMatrixView, DVector, SymmetricEigen};
 use rand::rngs::Xoshiro256PlusPlus;
 use rand::{Rng, SeedableRng};
 
@@ -87,11 +87,6 @@ impl End {
             Self::Highest => -value,
             Self::Farthest => -value.abs(),
         }
-    }
-
-    /// One value is wanted before another.
-    pub fn is_before(self, value: f64, other: f64) -> bool {
-        self.rank(value) < self.rank(other)
     }
 }
 
@@ -258,10 +253,17 @@ impl<'m> BlockLanczos<'m> {
     fn extend(&mut self, mut columns: DMatrix<f64>, apply: &mut Product<'_>) -> bool {
         let before = self.size;
         let lengths: Vec<f64> = columns.column_iter().map(|column| self.norm(column.as_slice())).collect();
+        // A second pass where the first has left little (Kahan and Parlett: twice is enough).
+        let mut longest = lengths.clone();
         for _ in 0..2 {
             let basis = self.basis.columns(0, before);
-            let parts = basis.tr_mul(&self.weighted(columns.clone()));
+            let parts = transposed_product(&basis, &self.weighted(columns.clone()));
             columns.gemm(-1.0, &basis, &parts, 1.0);
+            let left: Vec<f64> = columns.column_iter().map(|column| self.norm(column.as_slice())).collect();
+            if left.iter().zip(&longest).all(|(left, before)| *left > 0.5 * before) {
+                break;
+            }
+            longest = left;
         }
         for (column, length) in columns.column_iter().zip(lengths) {
             self.add(column.into_owned(), before, length);
@@ -273,7 +275,7 @@ impl<'m> BlockLanczos<'m> {
         let range = before * self.n..self.size * self.n;
         apply(&self.basis.as_slice()[range.clone()], &mut self.products.as_mut_slice()[range]);
         let images = self.weighted(self.products.columns(before, added).into_owned());
-        let projected = self.basis.columns(0, self.size).tr_mul(&images);
+        let projected = transposed_product(&self.basis.columns(0, self.size), &images);
         self.projected.view_mut((0, before), (self.size, added)).copy_from(&projected);
         self.projected.view_mut((before, 0), (added, self.size)).copy_from(&projected.transpose());
         true
@@ -336,6 +338,92 @@ impl<'m> BlockLanczos<'m> {
         (0..count).for_each(|k| self.projected[(k, k)] = values[k]);
         self.size = count;
     }
+}
+
+/// `AᵀB` of tall matrices, by rows that fit the cache.
+fn transposed_product(a: &DMatrixView<'_, f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    const ROWS: usize = 256;
+    let mut product = DMatrix::zeros(a.ncols(), b.ncols());
+    for first in (0..a.nrows()).step_by(ROWS) {
+        let rows = ROWS.min(a.nrows() - first);
+        product += a.rows(first, rows).tr_mul(&b.rows(first, rows));
+    }
+    product
+}
+
+/// The largest eigenvalue of B, from below, by the recurrence of Lanczos:
+///
+/// ```text
+/// β_{j+1} v_{j+1} = B v_j − α_j v_j − β_j v_{j−1},   T = tridiag(β, α, β),   T s = θ s,   x = Σ s_j v_j,
+/// ‖B x − θ x‖ = β_{m+1} |s_m|
+/// ```
+///
+/// The vectors lose their orthogonality as values converge, which repeats these values and spoils none (Paige, J. Inst. Math. Appl. 18,
+/// 1976); θ exceeds the largest eigenvalue by rounding of `m` operations at most, `m u ‖B‖`. Ends with a residual of at most `tolerance`,
+/// or after `longest` products.
+pub(crate) fn largest(n: usize, tolerance: f64, longest: usize, apply: &mut Product<'_>) -> f64 {
+    let mut start = vec![0.0; n];
+    gaussian(&mut Xoshiro256PlusPlus::seed_from_u64(3), &mut start);
+    let Some(mut v) = unit(start) else { return f64::NAN };
+    let (mut before, mut product) = (vec![0.0; n], vec![0.0; n]);
+    let (mut alpha, mut beta, mut theta) = (Vec::new(), vec![0.0], f64::NEG_INFINITY);
+    for _ in 0..longest {
+        apply(&v, &mut product);
+        let (along, back) = (dot(&product, &v), beta[beta.len() - 1]);
+        for ((p, v), before) in product.iter_mut().zip(&v).zip(&before) {
+            *p -= along * v + back * before;
+        }
+        let next = norm(&product);
+        alpha.push(along);
+        if !next.is_finite() {
+            return f64::NAN;
+        }
+        let last;
+        (theta, last) = largest_of_tridiagonal(&alpha, &beta, theta);
+        if next * last <= tolerance {
+            break;
+        }
+        beta.push(next);
+        std::mem::swap(&mut before, &mut v);
+        v.iter_mut().zip(&product).for_each(|(v, p)| *v = p / next);
+    }
+    theta
+}
+
+/// The largest eigenvalue of `T = tridiag(β, α, β)`, no smaller than `floor`, and the last entry of its eigenvector.
+/// By bisection: θ is above the spectrum as long as all pivots of θ − T, from its last row on, are positive,
+///
+/// ```text
+/// d_m = θ − α_m,   d_j = θ − α_j − β_{j+1}²/d_{j+1},   s_{j−1} = s_j d_j/β_j.
+/// ```
+fn largest_of_tridiagonal(alpha: &[f64], beta: &[f64], floor: f64) -> (f64, f64) {
+    let last_entry = |theta: f64| {
+        let (mut subtracted, mut entry, mut squares) = (0.0, 1.0f64, 0.0);
+        for (alpha, beta) in alpha.iter().zip(beta).rev() {
+            let pivot = theta - alpha - subtracted;
+            if pivot <= 0.0 {
+                return None;
+            }
+            squares += entry * entry;
+            entry *= pivot / beta;
+            subtracted = beta * beta / pivot;
+        }
+        Some(squares.sqrt().recip())
+    };
+    let largest = |of: &[f64]| of.iter().fold(0.0f64, |largest, x| largest.max(x.abs()));
+    let size = largest(alpha) + 2.0 * largest(&beta[..alpha.len()]);
+    let [mut low, mut high] = [floor.max(-size), size * (1.0 + 1e-9) + f64::MIN_POSITIVE];
+    while high - low > 1e-15 * size {
+        let middle = low.midpoint(high);
+        if middle <= low || middle >= high {
+            break;
+        }
+        match last_entry(middle) {
+            Some(_) => high = middle,
+            None => low = middle,
+        }
+    }
+    (high, last_entry(high).unwrap_or(1.0))
 }
 
 /// The lowest and the highest Ritz pair of the Krylov space of a random vector, from at most `steps` products: rough ends of the spectrum

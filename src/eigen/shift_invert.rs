@@ -1,22 +1,22 @@
 //! Eigenpairs of a pencil nearest to a shift, by solves with its factorization, and a count that proves that none is missing.
 //!
-//! With σ beyond the wanted end of the spectrum the eigenvalues of
+//! With σ below the spectrum the eigenvalues of
 //!
 //! ```text
 //! (A − σM)⁻¹ M φ = θ φ,      λ = σ + 1/θ,
 //! ```
 //!
-//! that are largest in size belong to that end and are far apart, so [`BlockLanczos`] finds them in a few blocks, with one solve a vector
+//! that are largest belong to the lowest λ and are far apart, so [`BlockLanczos`] finds them in a few blocks, with one solve a vector
 //! (Ericsson and Ruhe, Math. Comput. 35, 1980). `A − σM = L D Lᵀ` has as many negative pivots as there are eigenvalues below σ
 //! (Sylvester), which proves
 //!
-//! - that σ lies beyond an end: none or all of them are negative;
-//! - that the k eigenvalues found are the outermost ones: as many lie beyond a shift τ just outside the last of them as were found there.
+//! - that σ lies below the spectrum, or above it: none or all of them are negative;
+//! - that the k eigenvalues found are the lowest ones: as many lie below a shift τ just below the last of them as were found there.
 //!   Where there are more, the search goes on from its pairs and random vectors, with σ moved nearer (Grimes, Lewis and Simon 1994).
 //!
 //! Eigenvalues that agree to the distance of τ are not told apart.
 
-use super::{BlockLanczos, Eigenpair, End, Ritz, Search, Tolerance, probe};
+use super::{BlockLanczos, Eigenpair, End, Ritz, Search, Tolerance, largest, probe};
 use crate::assembly::SymmetricMatrix;
 use crate::error::{Invalid, Result, check_length};
 use crate::linear::{Ldlt, SOLVE_COLUMNS, dot};
@@ -115,7 +115,7 @@ pub fn lowest(a: &SymmetricMatrix, masses: Option<&[f64]>, count: usize, par: Pa
     work.symbolic_factorizations += 1;
     let mut factorization = Ldlt::analyse(a.pattern(), par)?;
     let mut search = ShiftInvert::new(Pencil { masses, ..Pencil::of(a) }, &mut factorization, work);
-    let pairs = search.extreme(End::Lowest, count, Accuracy::FULL);
+    let pairs = search.lowest(count, Accuracy::FULL);
     let counted_below = search.edge.unwrap_or(f64::NEG_INFINITY);
     Ok(Lowest { complete: search.edge.is_some() && pairs.len() == count.min(a.order()), pairs, counted_below })
 }
@@ -134,7 +134,6 @@ pub(crate) struct ShiftInvert<'a> {
     pub is_factored: bool,
     /// The τ that proves the pairs found last to be complete.
     pub edge: Option<f64>,
-    ends: Option<[Ritz; 2]>,
 }
 
 impl<'a> ShiftInvert<'a> {
@@ -142,56 +141,44 @@ impl<'a> ShiftInvert<'a> {
         let within = [f64::NEG_INFINITY, f64::INFINITY];
         // A matrix of zeros has no scale of its own.
         let norm = Some(pencil.norm()).filter(|norm| *norm != 0.0).unwrap_or(1.0);
-        Self {
-            pencil,
-            factorization,
-            work,
-            norm,
-            known: Vec::new(),
-            within,
-            is_factored: false,
-            edge: None,
-            ends: None,
-        }
+        Self { pencil, factorization, work, norm, known: Vec::new(), within, is_factored: false, edge: None }
     }
 
     fn order(&self) -> usize {
         self.pencil.a.order()
     }
 
-    /// The `wanted` outermost pairs at one end, the outermost first. Empty where nothing can be factored.
-    pub fn extreme(&mut self, end: End, wanted: usize, accuracy: Accuracy) -> Vec<Eigenpair> {
+    /// The `wanted` lowest pairs, ascending. Empty where nothing can be factored.
+    pub fn lowest(&mut self, wanted: usize, accuracy: Accuracy) -> Vec<Eigenpair> {
         self.edge = None;
-        let outwards = if end == End::Lowest { -1.0 } else { 1.0 };
-        let Some(mut shift) = self.first_shift(end, outwards) else { return Vec::new() };
+        let Some(mut shift) = self.first_shift() else { return Vec::new() };
         let (mut pairs, mut due) = (self.known.clone(), None);
         for attempt in 0..12 {
-            pairs = self.search(end, shift, wanted, accuracy.tolerance, &pairs, due);
+            pairs = self.search(End::Lowest, shift, wanted, accuracy.tolerance, &pairs, due);
             let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else { return pairs };
             let [of_norm, of_value] = [accuracy.edge[0] * self.norm, accuracy.edge[1] * last.value.abs()];
             // A pivot that vanishes at one edge does not at another.
             let offset = of_norm.min(of_value).max(1e-12 * self.norm) * (1.0 + 0.37 * attempt as f64);
-            let edge = last.value + outwards * offset;
-            let found = pairs.iter().filter(|pair| end.is_before(pair.value, edge)).count();
-            let proven = self.within[usize::from(outwards > 0.0)];
+            let edge = last.value - offset;
+            let found = pairs.iter().filter(|pair| pair.value < edge).count();
             let first = first.value;
-            if found == 0 && !end.is_before(proven, edge) {
+            if found == 0 && edge <= self.within[0] {
                 self.edge = Some(edge);
                 return pairs;
             }
-            let count = self.below(edge).map(|below| if outwards < 0.0 { below } else { self.order() - below });
+            let count = self.below(edge);
             if count == Some(found) {
                 self.edge = Some(edge);
                 // By Kahan's theorem as many eigenvalues lie within the norm of all residuals of those found.
                 let residual = pairs.iter().take(found).map(|pair| pair.residual.powi(2)).sum::<f64>().sqrt();
-                self.prove(if found == 0 { edge } else { first + outwards * residual }, outwards);
+                self.within[0] = self.within[0].max(if found == 0 { edge } else { first - residual });
                 return pairs;
             }
             due = count.map(|count| (edge, count.min(wanted)));
             let mut distance = (0.0625 * (first - shift).abs()).max(2.0 * offset).max(NEAR_ZERO * self.norm);
             loop {
-                shift = first + outwards * distance;
-                if self.lies_outside(shift, outwards) {
+                shift = first - distance;
+                if self.is_floor(shift) {
                     break;
                 }
                 distance *= 2.0;
@@ -201,6 +188,27 @@ impl<'a> ShiftInvert<'a> {
             }
         }
         pairs
+    }
+
+    /// The largest eigenvalue of A, without masses, and in `within` a bound above it; NaN where nothing can be factored.
+    pub fn largest(&mut self) -> f64 {
+        let (n, norm) = (self.order(), self.norm);
+        let products = self.pencil.products;
+        let of_recurrence = |tolerance: f64| largest(n, tolerance * norm, 1000, &mut |x, y| products.apply(x, y));
+        let (mut value, mut distance) = (of_recurrence(1e-5), Accuracy::CERTIFIED.edge[0] * norm);
+        let mut is_rough = true;
+        while self.below(value + distance) != Some(n) {
+            match is_rough {
+                true => value = of_recurrence(1e-9),
+                false => distance *= 2.0,
+            }
+            is_rough = false;
+            if distance > 8.0 * norm || !value.is_finite() {
+                return f64::NAN;
+            }
+        }
+        self.within[1] = self.within[1].min(value + distance);
+        value
     }
 
     /// The eigenvalue nearest to zero; zero where nothing can be factored.
@@ -242,57 +250,45 @@ impl<'a> ShiftInvert<'a> {
         Some(below)
     }
 
-    /// As [`below`](Self::below): σ lies beyond that end.
-    fn lies_outside(&mut self, shift: f64, outwards: f64) -> bool {
-        let all = if outwards < 0.0 { 0 } else { self.order() };
-        let is_outside = self.below(shift) == Some(all);
-        if is_outside {
-            self.prove(shift, outwards);
+    /// No eigenvalue is below σ, by [`below`](Self::below).
+    fn is_floor(&mut self, shift: f64) -> bool {
+        let is_floor = self.below(shift) == Some(0);
+        if is_floor {
+            self.within[0] = self.within[0].max(shift);
         }
-        is_outside
+        is_floor
     }
 
-    fn prove(&mut self, bound: f64, outwards: f64) {
-        let [low, high] = &mut self.within;
-        match outwards < 0.0 {
-            true => *low = low.max(bound),
-            false => *high = high.min(bound),
-        }
-    }
-
-    /// A factored shift beyond an end: zero where A is positive definite, or a little beyond the Ritz value.
-    fn first_shift(&mut self, end: End, outwards: f64) -> Option<f64> {
+    /// A factored shift below all eigenvalues: zero where A is positive definite, or a little below the lowest Ritz value.
+    fn first_shift(&mut self) -> Option<f64> {
         let Pencil { products, masses, .. } = self.pencil;
-        let n = self.order();
-        let is_positive = self.is_factored || self.within[0] >= 0.0;
-        if self.ends.is_none() && !(end == End::Lowest && is_positive) {
-            self.ends = probe(n, masses, 40, &mut |x, y| {
+        let mut guess = None;
+        if !(self.is_factored || self.within[0] >= 0.0) {
+            let ends = probe(self.order(), masses, 40, &mut |x, y| {
                 products.apply(x, y);
                 divide(y, masses);
             });
+            guess = Some(ends.map(|[low, _]| (low.value, low.residual))?);
         }
-        let guess = self.ends.as_ref().map(|ends| &ends[usize::from(outwards > 0.0)]);
-        let guess = guess.map(|guess| (guess.value, guess.residual));
-        let may_be_positive = is_positive || guess.is_some_and(|(value, _)| value > NEAR_ZERO * self.norm);
-        if end == End::Lowest && (self.is_factored || may_be_positive && self.lies_outside(0.0, outwards)) {
-            self.prove(0.0, outwards);
+        let may_be_positive = guess.is_none_or(|(value, _)| value > NEAR_ZERO * self.norm);
+        if self.is_factored || may_be_positive && self.is_floor(0.0) {
+            self.within[0] = self.within[0].max(0.0);
             return Some(0.0);
         }
         let (value, residual) = guess?;
         let mut distance = residual.max(0.02 * value.abs()).max(NEAR_ZERO * self.norm);
         // From a millionth of ‖A‖ to far beyond.
         for _ in 0..60 {
-            let shift = value + outwards * distance;
-            if self.lies_outside(shift, outwards) {
-                return Some(shift);
+            if self.is_floor(value - distance) {
+                return Some(value - distance);
             }
             distance *= 2.0;
         }
         None
     }
 
-    /// The pairs nearest to σ on its inner side, outermost first, with the factor of `A − σM` and from pairs found before. Random vectors
-    /// join as long as there are fewer pairs, or fewer beyond an edge than are due.
+    /// The pairs nearest to σ, above it or on both sides, ascending or nearest to zero first, with the factor of `A − σM` and from pairs
+    /// found before. Random vectors join as long as there are fewer pairs, or fewer below an edge than are due.
     fn search(
         &mut self,
         end: End,
@@ -313,21 +309,15 @@ impl<'a> ShiftInvert<'a> {
             factorization.substitute_columns(n, y);
         };
         // θ is positive above σ and negative below it.
-        let of_inverse = match end {
-            End::Lowest => End::Highest,
-            End::Highest => End::Lowest,
-            End::Farthest => End::Farthest,
-        };
+        let of_inverse = if end == End::Lowest { End::Highest } else { End::Farthest };
         let mut space = BlockLanczos::new(n, masses, Search::new(of_inverse, wanted, SOLVE_COLUMNS), 1);
         space.start(before.iter().map(|pair| &pair.vector[..]), &mut solve);
         space.refresh(&mut solve);
         let longest = 40 + wanted;
         let mut found = space.iterate(tolerance, longest, &mut solve, None);
-        let beyond = |pairs: &[Ritz], edge: f64| {
-            pairs.iter().filter(|pair| end.is_before(shift + pair.value.recip(), edge)).count()
-        };
+        let below = |pairs: &[Ritz], edge: f64| pairs.iter().filter(|pair| shift + pair.value.recip() < edge).count();
         for _ in 0..wanted {
-            let is_due = due.is_none_or(|(edge, count)| beyond(&found, edge) >= count);
+            let is_due = due.is_none_or(|(edge, count)| below(&found, edge) >= count);
             if is_due && found.len() >= wanted.min(n) {
                 break;
             }

@@ -1,6 +1,6 @@
 //! The solver against closed forms, and against all eigenvalues of dense matrices.
 
-use super::{BlockLanczos, End, Pencil, Search, ShiftInvert, Tolerance, gaussian, lowest, probe, unit};
+use super::{BlockLanczos, End, Pencil, Search, ShiftInvert, Tolerance, gaussian, largest, lowest, probe, unit};
 use crate::assembly::SymmetricMatrix;
 use crate::linear::fixtures::banded;
 use crate::linear::{Ldlt, dot, norm};
@@ -142,6 +142,36 @@ fn probes_come_near_both_ends() {
     }
     assert!(probe(3, None, 3, &mut |_: &[f64], y: &mut [f64]| y.fill(f64::NAN)).is_none());
     assert!(probe(0, None, 3, &mut |_: &[f64], _: &mut [f64]| ()).is_none());
+}
+
+/// The largest eigenvalue of a chain, of random diagonals with gaps from wide to none, and of a multiple of the identity, from below and as near
+/// as the residual and the gap promise; the recurrence goes on without harm after the value has converged.
+#[test]
+fn the_largest_eigenvalue_comes_from_three_terms() {
+    let n = 400;
+    let chain = |x: &[f64], y: &mut [f64]| {
+        for (k, y) in y.iter_mut().enumerate() {
+            let beside = [k.checked_sub(1), Some(k + 1)].map(|k| k.and_then(|k| x.get(k)).copied().unwrap_or(0.0));
+            *y = 2.0 * x[k] - beside[0] - beside[1];
+        }
+    };
+    let exact = 2.0 + 2.0 * (std::f64::consts::PI / (n + 1) as f64).cos();
+    for (tolerance, most) in [(1e-3, 1e-3), (1e-6, 6e-9), (0.0, 1e-11)] {
+        let found = largest(n, tolerance, 1000, &mut { chain });
+        assert!(found <= exact + 1e-11 && exact - found <= most, "{tolerance}: {} off", exact - found);
+    }
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(11);
+    for gap in [1.0, 1e-2, 1e-6, 0.0] {
+        let drawn: Vec<f64> = (0..n).map(|_| -3.0 + rng.next_u32() as f64 / u32::MAX as f64).collect();
+        let value = |k: usize| if k == 0 { -2.0 + gap } else { drawn[k] };
+        let exact = (0..n).map(value).fold(f64::NEG_INFINITY, f64::max);
+        let found = largest(n, 1e-9, 1000, &mut diagonal(n, value));
+        assert!((found - exact).abs() <= 1e-9, "{gap}: {found} {exact}");
+    }
+    assert!((largest(n, 1e-9, 1000, &mut diagonal(n, |_| 5.0)) - 5.0).abs() < 1e-13);
+    assert!(largest(n, 1e-9, 1000, &mut diagonal(n, |_| 0.0)).abs() < 1e-300);
+    assert!(largest(n, 1e-9, 1000, &mut diagonal(n, |_| f64::NAN)).is_nan());
+    assert!(largest(0, 1e-9, 1000, &mut |_: &[f64], _: &mut [f64]| ()).is_nan());
 }
 
 /// A dense pencil with chosen eigenvalues: `A = M^{1/2} Q Λ Qᵀ M^{1/2}`.

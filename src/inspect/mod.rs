@@ -1,10 +1,12 @@
-//! Debugging definiteness: is A positive definite, which springs spoil it, and which step is safe?
+//! Diagnosis of `A = M/dt² − G/dt − K`: its definiteness, the springs that destroy it, and the steps that are safe.
 //!
-//! [`Inspection::at`] answers everything at one state. Its parts stand on their own: [`Inertia`] counts signs of eigenvalues
-//! from a factorization whose error is measured, [`CriticalSteps`] finds the largest definite and the largest stable step,
-//! [`RotationLimit`] the largest that rotates no spring too far, [`Follower`] the property that a run loses first, [`spectrum()`]
-//! the ends of the spectrum, [`direction`] the springs behind an eigenvector, [`smallest_set()`] the springs whose transverse
-//! terms must go.
+//! [`Inspection::at`] examines all parts at one state. Each is also available alone:
+//!
+//! - [`Inertia`]: the signs of the eigenvalues, from a factorization with a measured error;
+//! - [`CriticalSteps`], [`RotationLimit`]: the longest step that is definite, stable, or rotates no spring too far;
+//! - [`spectrum()`], [`direction`]: the ends of the spectrum, and the springs behind an eigenvector;
+//! - [`smallest_set()`]: the springs whose transverse terms must be dropped;
+//! - [`Follower`]: the property that a run loses first.
 //!
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `definiteness`.
 

@@ -32,17 +32,17 @@
 //!
 //! Steps land exactly on the end of the run and on every kink of a prescribed path, where methods with a memory start anew.
 
-mod control;
 mod scales;
+mod step_size;
 
 use super::{Monitor, Outcome, Statistics, Status, StepFailure, TimeStepper, is_end};
 use crate::error::Invalid;
 use crate::system::{State, System};
-use control::Control;
 use nalgebra::Vector3;
 use scales::Scales;
 pub(super) use scales::{joint, norm_of_all};
 use std::ops::ControlFlow;
+use step_size::Control;
 
 /// Options of a run with error control.
 ///
@@ -341,7 +341,7 @@ fn try_step(
 }
 
 /// `Σ 2 m (‖v‖ + 5 ‖e_v‖) ‖e_v‖ + 10 κ ‖e_x‖²` over the particles, κ the sum of k/l0 of the springs at each: see
-/// `monitor/growth`.
+/// `monitor/instability`.
 fn doubt(system: &System, stiffness: &[f64], estimate: &ErrorEstimate, state: &State) -> f64 {
     let of_velocities = system.masses().iter().zip(estimate.velocities).zip(&state.velocities);
     let kinetic = of_velocities.map(|((mass, e), v)| 2.0 * mass * (v.norm() + 5.0 * e.norm()) * e.norm());

@@ -1,7 +1,7 @@
 //! The linear system of a step under a stiffness policy, shared by all implicit methods.
 
 use super::linear_tolerance::LinearTolerance;
-use super::stiffness::{StiffnessState, Terms};
+use super::stiffness_policy::{StiffnessState, Terms};
 use super::{Regularization, Statistics, StepFailure, StiffnessPolicy, check_room};
 use crate::error::Result;
 use crate::force::{Configuration, SpringGeometry, add_damping_product, add_elastic_differential};

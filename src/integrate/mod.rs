@@ -1,6 +1,6 @@
 //! Time stepping: one method a file behind [`TimeStepper`], and the run loop that drives them.
 //!
-//! Derivations are in the guide (`cargo xtask guide`), under theory: `methods`, `newton`, `exactness`, `adaptive`, `ledger`, `definiteness`.
+//! Derivations are in the guide (`cargo xtask guide`), under theory: `step`, `methods`, `newton`, `energy-balance`, `accuracy`, `stability`.
 
 mod adaptive;
 mod backward_euler;
@@ -28,7 +28,7 @@ mod run;
 mod schedule;
 #[cfg(test)]
 mod steps_tests;
-mod stiffness;
+mod stiffness_policy;
 mod substeps;
 mod verlet;
 mod w_method;
@@ -56,7 +56,7 @@ pub use rodas4::Rodas4;
 pub use run::{Outcome, RunFailure, run, run_monitored};
 pub use schedule::Schedule;
 pub(crate) use schedule::is_end;
-pub use stiffness::StiffnessPolicy;
+pub use stiffness_policy::StiffnessPolicy;
 pub(crate) use verlet::SpringVisitor;
 pub use verlet::Verlet;
 pub use w_method::WMethod;

@@ -1,13 +1,13 @@
-//! The error of a run: the local errors of its steps, propagated along the linearised motion.
+//! Estimated global error of a run: the local errors of its steps, propagated by the linearised motion.
 //!
-//! With Φ_n the step linearised and δ_n its local error (numerical minus exact, leading term), the error after step n is
+//! With the linearised step Φ_n and its local error δ_n (numerical minus exact, leading term), the error after step n is
 //!
 //! ```text
-//! e_n = Φ_n e_{n−1} + δ_n.
+//! e_n = Φ_n e_{n−1} + δ_n
 //! ```
 //!
-//! the linearised error equation (Skeel, Thirteen ways to estimate global error, Numer. Math. 48, 1986). It holds truncation, its
-//! cancellation, and magnification by a motion that folds, topples or is chaotic.
+//! (Skeel, Thirteen ways to estimate global error, Numer. Math. 48, 1986). It includes cancellation between steps, and the magnification
+//! of errors by motions that fold, topple or are chaotic. The [`Monitor`](super::Monitor) updates it after every step.
 //!
 //! **δ** of methods without an embedded estimate follows from differences of the velocities. With the mean acceleration
 //! ā = (v' − v)/h of a step, its first divided difference j (jerk) and its second s (snap),

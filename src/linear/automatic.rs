@@ -12,9 +12,9 @@
 //! Effort is [counted](CostModel), not timed: a repeated run makes the same choice, for any number of threads.
 
 use super::analysis::FactorReport;
+use super::cg_solver::{Application, CgSolver};
 use super::cost::CostModel;
 use super::direct::{CholeskyPlan, CholeskySolver, LdltSolver};
-use super::iterative::{Application, CgSolver};
 use super::options::{DefinitenessGuarantee, PreconditionerKind, SolverChoice, SolverOptions};
 use super::ordering::FactorSize;
 use super::outcome::{Definiteness, NotConverged, Solution, SolveFailure};

@@ -1,24 +1,27 @@
-//! Linear solvers: conjugate gradients and sparse factorizations behind one trait.
+//! Linear solvers for symmetric sparse systems `A x = b`.
 //!
-//! [`Cholesky`], [`Ldlt`] and [`ConjugateGradient`] work on any [`SymmetricMatrix`](crate::assembly::SymmetricMatrix) or
-//! [`LinearOperator`](crate::operator::LinearOperator). A time step uses a [`LinearSolver`], which is updated for a
-//! [`SystemOperator`] and then solves any number of right-hand sides.
+//! A time step uses a [`LinearSolver`]: it is updated for a [`SystemOperator`] and then solves any number of right-hand sides.
+//! [`CgSolver`], [`CholeskySolver`] and [`LdltSolver`] implement the trait, and [`select`] creates the one that [`SolverOptions`] ask
+//! for. The default, `auto`, chooses by cost between a Cholesky factorization and conjugate gradients.
+//!
+//! The methods themselves, [`ConjugateGradient`], [`Cholesky`] and [`Ldlt`], work without a time step on any
+//! [`LinearOperator`](crate::operator::LinearOperator) or [`SymmetricMatrix`](crate::assembly::SymmetricMatrix).
 //!
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `solvers`.
 
 mod analysis;
 mod automatic;
 mod block_jacobi;
+mod bunch_kaufman;
 mod cg;
+mod cg_solver;
 mod cost;
 mod direct;
 mod factorization;
-mod iterative;
 mod lagged_multigrid;
 mod options;
 mod ordering;
 mod outcome;
-mod pivoted;
 mod preconditioner;
 mod prepared;
 mod substitution;
@@ -27,16 +30,16 @@ mod vector;
 pub use analysis::{FactorReport, FactorTimes, NonPositivePivot, SOLVE_COLUMNS};
 pub use automatic::select;
 pub use block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
+pub use bunch_kaufman::{BunchKaufman, PivotSigns, PivotedLdlt, Pivoting};
 pub use cg::{CgOutcome, CgReport, ConjugateGradient};
+pub use cg_solver::{Application, CgSolver, WarmStart};
 pub use cost::CostModel;
 pub use direct::{CholeskyPlan, CholeskySolver, LdltSolver};
 pub use factorization::{Cholesky, FactorKind, Factorization, Ldl, Ldlt, Llt, NotFactored, SolvingKind};
-pub use iterative::{Application, CgSolver, WarmStart};
 pub use lagged_multigrid::LaggedMultigrid;
 pub use options::{DefinitenessGuarantee, PreconditionerKind, SolverChoice, SolverOptions, Tolerance};
 pub use ordering::{FactorSize, OrderingMethod};
 pub use outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
-pub use pivoted::{BunchKaufman, PivotSigns, PivotedLdlt, Pivoting};
 pub use preconditioner::{CustomPreconditioner, Preconditioner};
 pub use prepared::{MatrixAndSolver, Prepare, Prepared, PreparedMatrix};
 pub use vector::{backward_error, dot, norm};

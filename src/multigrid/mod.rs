@@ -33,7 +33,7 @@
 //! Under `axial` A has soft motions that are not rigid, all those that stretch no spring: the stiffer the springs, the more
 //! iterations they cost.
 //!
-//! Derivations are in the guide (`cargo xtask guide`), under theory: `multigrid`.
+//! Derivations are in the guide (`cargo xtask guide`), under theory: `solvers`.
 
 mod aggregate;
 mod block;

@@ -1,8 +1,8 @@
-//! Verification: every number has a bound that an analysis gives.
+//! Verification of forces, Jacobians, solvers, integrators and conservation laws against derived error bounds.
 //!
-//! A [`Check`] is plain data: the measured value, the bound and its reason. Checks know nothing of
-//! [reports](crate::report). A [`Family`] of checks runs on any [`TestCase`], a scene with its step; [`verify`] runs all
-//! that apply.
+//! A [`Check`] holds a measured value, its bound, and the reason for the bound. A [`Family`] makes related checks on a [`TestCase`], a
+//! system with its state and time step. [`verify`] evaluates every family that applies; the command `sprung verify` does so for the
+//! built-in scenes or for any scene file, and [reports](crate::report) present the results.
 //!
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `checks`.
 

@@ -69,7 +69,7 @@ pub const FAMILIES: &[Family] = &[
     family(Claim::Conservation, "angular_momentum", momentum::has_free_rotation, of_steps, momentum::angular),
     family(Claim::Conservation, "rigid_motion", has_springs_that_move, of_springs, products::rigid_motion),
     family(Claim::Conservation, "equilibrium", has_particles, of_steps, momentum::equilibrium),
-    family(Claim::Conservation, "ledger", energy_balance::applies, of_steps, energy_balance::measure),
+    family(Claim::Conservation, "energy_balance", energy_balance::applies, of_steps, energy_balance::measure),
     family(Claim::Constraints, "prescribed_motion", has_prescribed, of_steps, prescribed_motion::measure),
     family(Claim::Constraints, "in_space", is_flat, of_steps, runs::in_space),
     family(Claim::Failure, "indefinite", refusals::applies, of_steps, refusals::indefinite),
@@ -161,8 +161,16 @@ mod tests {
     /// Between held particles a spring neither pulls nor moves anything; without one there is nothing to differentiate.
     #[test]
     fn families_apply_where_there_is_something_to_check() {
-        let moving =
-            ["assembly", "solvers", "linear_steps", "other_steps", "always_definite", "on_demand", "inertia", "ledger"];
+        let moving = [
+            "assembly",
+            "solvers",
+            "linear_steps",
+            "other_steps",
+            "always_definite",
+            "on_demand",
+            "inertia",
+            "energy_balance",
+        ];
         let pulled =
             ["jacobian", "dropped_terms", "derivatives", "conjugate_gradients", "broken_states", "rigid_motion"];
         let joined = ["work_energy", "options"];
@@ -177,7 +185,7 @@ mod tests {
         assert!(none(&stuck, &moving) && none(&stuck, &pulled) && all(&stuck, &joined));
         assert!(verify(&stuck).all_passed());
         let apart = pair(2, false, &[0]);
-        assert!(none(&apart, &pulled) && none(&apart, &joined) && none(&apart, &["ledger"]));
+        assert!(none(&apart, &pulled) && none(&apart, &joined) && none(&apart, &["energy_balance"]));
         assert!(all(&apart, &moving[..7]));
         let empty = case(SystemBuilder::new(), 0.01);
         assert!(none(&empty, &["equilibrium", "rigid_motion"]) && verify(&empty).all_passed());

@@ -173,7 +173,7 @@ def methods():
          xlog=True, ylog=True, xlimits=(0.0025, 0.25), ylimits=(1e-13, 1), xticks=[0.003, 0.01, 0.03, 0.1])
 
 
-def ledger():
+def energy_balance():
     """Where the energy of a driven, damped motion goes."""
     file = SCENES / "moving_anchor.toml"
     _, _, rows = run(file, "--method", "bdf2", "--dt", 0.02, "--duration", 2)
@@ -185,7 +185,7 @@ def ledger():
         "imbalance": lambda row: row["imbalance"],
     }
     series = [(name, [(row["time"], of(row)) for row in rows], {}) for name, of in parts.items()]
-    plot(CHAPTERS / "ledger.svg", "Energy balance of a pendulum with moving anchors, BDF2, steps of 20 ms", "time, s", "J", series, xlimits=(0, 2))
+    plot(CHAPTERS / "energy-balance.svg", "Energy balance of a pendulum with moving anchors, BDF2, steps of 20 ms", "time, s", "J", series, xlimits=(0, 2))
 
 
 def accuracy():
@@ -280,7 +280,7 @@ def numbers():
     raise SystemExit(f"{wrong} lines are not printed" if wrong else 0)
 
 
-PICTURES = [spring, matrices, step, definiteness, solvers, newton, methods, ledger, accuracy, checks, stability]
+PICTURES = [spring, matrices, step, definiteness, solvers, newton, methods, energy_balance, accuracy, checks, stability]
 
 if __name__ == "__main__":
     match sys.argv[1:]:

@@ -1,10 +1,16 @@
-//! The monitor of a run: its energy balance, energy from nowhere, and its propagated error.
+//! Monitoring of a run: its energy balance, a check for instability, and its propagated error.
 //!
-//! After every accepted step one pass over the springs and one over the particles see the new state.
+//! A [`Monitor`] is handed to [`run_monitored`](super::run_monitored), which enters every accepted step. Each entry takes one pass over
+//! the springs and one over the particles and updates
+//!
+//! - the [`Balance`]: work done, energy dissipated by damping, and the imbalance that remains;
+//! - the instability check (`instability`): energy gained without a source ends the run, unless told otherwise, as
+//!   [`StepFailure::Unstable`], and restores the last state before the gain;
+//! - the [`PropagatedError`], advanced by the method that took the step.
 
 mod energy_balance;
-mod growth;
 mod indicators;
+mod instability;
 mod springs;
 mod work;
 
@@ -17,7 +23,7 @@ use crate::force::Energy;
 use crate::memory;
 use crate::system::{State, System};
 use energy_balance::{EnergyBalance, ParticleSums};
-use growth::{Growth, GrowthRecord};
+use instability::{Growth, GrowthRecord};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use springs::Springs;
@@ -330,7 +336,7 @@ fn extent(system: &System, state: &State, start: &[Vector3<f64>]) -> f64 {
 }
 
 #[cfg(test)]
-mod growth_tests;
+mod instability_tests;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]

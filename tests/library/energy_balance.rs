@@ -137,7 +137,7 @@ fn constraints_that_move_on_paths_with_kinks_do_work() {
 
 /// Held along one axis and led along another, free along the third.
 #[test]
-fn partly_prescribed_particles_have_a_ledger_too() {
+fn partly_prescribed_particles_have_an_energy_balance_too() {
     let mut builder = SystemBuilder::new();
     builder.gravity(1.0, -9.81, 0.5);
     builder.particle([0.0; 3], 1.7);

@@ -1,7 +1,7 @@
 //! The criterion of growth, by hand.
 
 use super::energy_balance::{EnergyBalance, ParticleSums};
-use super::growth::{Growth, Noise};
+use super::instability::{Growth, Noise};
 use super::springs::Sums;
 use super::work::BodyEnergy;
 use crate::integrate::StepFailure;

@@ -1,4 +1,6 @@
-//! The step size controller.
+//! Step size control: the next length from the estimated error of this step and of the last one (PI controller).
+//!
+//! The error measure and the formula are in `adaptive`. A failed step is halved, and later steps return to its length slowly.
 
 use super::AdaptiveStepper;
 
