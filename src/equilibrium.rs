@@ -209,6 +209,9 @@ const HALVINGS: usize = 50;
 /// Part of the terms of E below which its differences are taken from forces: far above rounding, far below what the rule neglects.
 const CANCELLED: f64 = 1e-9;
 
+/// Rounding of positions makes at least this residual: where nothing is strained nothing acts, and what is left is compared with rounding over this.
+const ROUNDING: f64 = 1e-11;
+
 /// An eigenvalue of −K counts as zero up to this part of ‖K‖.
 const ZERO: f64 = 1e-11;
 
@@ -226,7 +229,7 @@ struct Search<'s> {
     /// Net forces on the free coordinates, and the largest force that acts.
     force: Vec<f64>,
     acting: f64,
-    least_acting: f64,
+    rounding: f64,
     energy: f64,
     /// E before the last steps, at most [`MEMORY`].
     recent: VecDeque<f64>,
@@ -255,7 +258,7 @@ impl<'s> Search<'s> {
             state,
             geometry,
             acting: 0.0,
-            least_acting: 0.0,
+            rounding: 0.0,
             energy: 0.0,
             recent: VecDeque::new(),
             iterations: 0,
@@ -264,7 +267,7 @@ impl<'s> Search<'s> {
             lowest: None,
             work,
         };
-        search.least_acting = search.least_acting();
+        search.rounding = search.rounding();
         search.evaluate();
         Ok(search)
     }
@@ -277,7 +280,7 @@ impl<'s> Search<'s> {
         let mut forces = vec![Vector3::zeros(); system.particles()];
         add_elastic_force(system, geometry, &mut forces);
         let tension = geometry.springs(system).map(|((_, _, spring), at)| spring.elastic_force(at).norm());
-        self.acting = tension.fold(largest(loads).max(self.least_acting), f64::max);
+        self.acting = tension.fold(largest(loads).max(self.rounding / ROUNDING), f64::max);
         forces.iter_mut().zip(loads.iter()).for_each(|(f, load)| *f += load);
         system.dofs().gather(&forces, &mut self.force);
         let elastic: f64 =
@@ -285,24 +288,34 @@ impl<'s> Search<'s> {
         self.energy = elastic - loads.iter().zip(&state.positions).map(|(f, x)| f.dot(x)).sum::<f64>();
     }
 
-    /// The force that rounding of positions gives to the stiffest spring, over the smallest tolerance: where nothing is strained nothing acts, and what is
-    /// left is compared with this.
-    fn least_acting(&self) -> f64 {
-        const TOLERANCE: f64 = 1e-11;
+    /// The force on a particle that rounding of positions makes, at most. No search gets below it.
+    fn rounding(&self) -> f64 {
         let extent = self.state.positions.iter().fold(0.0f64, |extent, x| extent.max(x.amax()));
-        let stiffest = self.geometry.springs(self.system).map(|((_, _, spring), _)| spring.axial_stiffness());
-        stiffest.fold(0.0, f64::max) * extent * f64::EPSILON / TOLERANCE
+        let mut stiffness = vec![0.0; self.system.particles()];
+        for ((_, ends, spring), _) in self.geometry.springs(self.system) {
+            ends.iter().for_each(|&end| stiffness[end] += spring.axial_stiffness());
+        }
+        stiffness.into_iter().fold(0.0, f64::max) * extent * f64::EPSILON
+    }
+
+    /// The largest force left on a free coordinate, in N.
+    fn left(&self) -> f64 {
+        self.force.iter().fold(0.0f64, |largest, f| largest.max(f.abs()))
     }
 
     fn residual(&self) -> f64 {
-        let left = self.force.iter().fold(0.0f64, |largest, f| largest.max(f.abs()));
+        let left = self.left();
         if left == 0.0 { 0.0 } else { left / self.acting }
+    }
+
+    fn has_converged(&self) -> bool {
+        self.residual() <= self.options.tolerance || self.left() <= self.rounding
     }
 
     fn run(mut self) -> Result<Equilibrium> {
         loop {
             let mut creeping = Creeping::default();
-            while self.residual() > self.options.tolerance {
+            while !self.has_converged() {
                 if self.iterations == self.options.iterations {
                     return self.end(Stability::NotConverged);
                 }
