@@ -10,7 +10,7 @@
 //! The result is classified by the signs of the eigenvalues of −K: stable, a saddle, free to move, or no equilibrium.
 //!
 //! **Newton's method** with `−K(x) p = f` and a non-monotone line search on E. Where −K is not positive definite, that step alone is solved with option
-//! *tension*, without the transverse terms of compressed springs.
+//! *tension*, without the transverse terms of compressed springs, or near an equilibrium with −K shifted.
 //!
 //! **Differences of E** are sums of rounding errors near the minimum. There the trapezoidal rule `−½ (f(x) + f(x + p))·p`, exact to third order in p,
 //! has no cancellation and takes over.
@@ -203,6 +203,9 @@ const ARMIJO: f64 = 1e-4;
 /// to second order, which the next step undoes.
 const MEMORY: usize = 10;
 
+/// The residual below which a search is near an equilibrium.
+const NEAR: f64 = 1e-3;
+
 /// Halvings of a step at most.
 const HALVINGS: usize = 50;
 
@@ -231,6 +234,8 @@ struct Search<'s> {
     acting: f64,
     rounding: f64,
     energy: f64,
+    /// The last σ, in N/m.
+    shift: f64,
     /// E before the last steps, at most [`MEMORY`].
     recent: VecDeque<f64>,
     iterations: usize,
@@ -260,6 +265,7 @@ impl<'s> Search<'s> {
             acting: 0.0,
             rounding: 0.0,
             energy: 0.0,
+            shift: 0.0,
             recent: VecDeque::new(),
             iterations: 0,
             saddles: 0,
@@ -314,21 +320,14 @@ impl<'s> Search<'s> {
 
     fn run(mut self) -> Result<Equilibrium> {
         loop {
-            let mut creeping = Creeping::default();
             while !self.has_converged() {
                 if self.iterations == self.options.iterations {
                     return self.end(Stability::NotConverged);
                 }
                 self.iterations += 1;
-                let (step, is_definite) = self.newton_step()?;
+                let step = self.newton_step()?;
                 if !self.line_search(&step) {
                     return self.end(Stability::NotConverged);
-                }
-                if self.options.leave_saddles
-                    && creeping.is_seen(is_definite, self.residual())
-                    && let Some(direction) = self.unstable_direction()?
-                {
-                    self.leave(&direction);
                 }
             }
             // One more step, at full length, takes the residual to rounding.
@@ -345,27 +344,34 @@ impl<'s> Search<'s> {
         }
     }
 
-    /// p of `−K p = f`, with the full K where −K is positive definite, else with option *tension*, moved away from singular; and whether it was.
-    fn newton_step(&mut self) -> Result<(Vec<f64>, bool)> {
-        for option in [Stiffness::Full, Stiffness::Tension] {
-            let mut a = self.assemble(option)?;
+    /// p of `−K p = f`. Where −K is not positive definite, far from an equilibrium with option *tension*, near one with −K + σ, σ about the smallest that
+    /// makes it positive definite: there soft directions of negative curvature decide, and *tension* is far too stiff along them.
+    fn newton_step(&mut self) -> Result<Vec<f64>> {
+        let mut a = self.assemble(Stiffness::Full)?;
+        if self.factor(&a) {
+            return Ok(self.solve());
+        }
+        let is_near = self.residual() < NEAR;
+        if !is_near {
+            a = self.assemble(Stiffness::Tension)?;
             if self.factor(&a) {
-                return Ok((self.solve(), option == Stiffness::Full));
-            }
-            if option == Stiffness::Tension {
-                let norm = Some(norm_of(&a)).filter(|norm| *norm > 0.0).unwrap_or(self.acting);
-                let mut shift = 1e-9 * norm;
-                while shift < norm {
-                    a.shift(shift);
-                    if self.factor(&a) {
-                        return Ok((self.solve(), false));
-                    }
-                    shift *= 100.0;
-                }
+                return Ok(self.solve());
             }
         }
+        let norm = Some(norm_of(&a)).filter(|norm| *norm > 0.0).unwrap_or(self.acting);
+        let [least, growth] = if is_near { [(0.125 * self.shift).max(1e-8 * norm), 4.0] } else { [1e-9 * norm, 100.0] };
+        let (mut shift, mut added) = (least, 0.0);
+        while shift < norm {
+            a.shift(shift - added);
+            added = shift;
+            if self.factor(&a) {
+                self.shift = shift;
+                return Ok(self.solve());
+            }
+            shift *= growth;
+        }
         // A matrix of no numbers: downhill.
-        Ok((self.force.clone(), false))
+        Ok(self.force.clone())
     }
 
     fn assemble(&mut self, option: Stiffness) -> Result<SymmetricMatrix> {
@@ -538,36 +544,6 @@ impl<'s> Search<'s> {
             work: self.work,
             state: self.state,
         }
-    }
-}
-
-/// Watches for steps that hardly move: just beyond a limit point forces are small and −K is indefinite, and the regularised step goes by the stiffness that
-/// compressed springs would have.
-#[derive(Default)]
-struct Creeping {
-    steps: usize,
-    residual: f64,
-}
-
-impl Creeping {
-    /// Steps in a row with an indefinite −K, after which residuals are compared.
-    const STEPS: usize = 20;
-    /// The largest residual at which a slow search is taken for a creeping one.
-    const SMALL: f64 = 1e-3;
-
-    /// Whether so many steps have not halved a small residual.
-    fn is_seen(&mut self, is_definite: bool, residual: f64) -> bool {
-        if is_definite || self.steps == 0 {
-            *self = Self { steps: usize::from(!is_definite), residual };
-            return false;
-        }
-        self.steps += 1;
-        if self.steps < Self::STEPS {
-            return false;
-        }
-        let is_slow = residual < Self::SMALL && residual > 0.5 * self.residual;
-        *self = Self::default();
-        is_slow
     }
 }
 
