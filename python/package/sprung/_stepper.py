@@ -26,8 +26,8 @@ class Stepper:
     method : str, optional
         ``"linear-backward-euler"``, ``"backward-euler"``, ``"bdf2"``, ``"w2"``, ``"rodas4"``,
         ``"implicit-midpoint"``, ``"verlet"``, ``"dop853"``, ``"forward-euler"``, ``"symplectic-euler"``, or ``"auto"``.
-        The defaults are those of the command: ``"linear-backward-euler"`` for fixed steps, ``"rodas4"`` for adaptive ones, and an
-        automatic choice for a required accuracy.
+        The defaults are those of the command: ``"linear-backward-euler"`` for fixed steps, ``"dop853"`` or ``"rodas4"`` by the
+        stiffness of the scene for adaptive ones, and an automatic choice for a required accuracy.
     stiffness : {"on-demand", "full", "tension", "axial"}, optional
         The terms of the stiffness that enter the matrix; forces do not depend on it.
     solver : {"auto", "llt", "ldlt", "cg", "cg-assembled"}, optional
