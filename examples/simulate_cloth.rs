@@ -2,10 +2,10 @@
 //!
 //! `cargo run --release --example simulate_cloth` writes `out/cloth.svg`.
 
+use sprung::Simulation;
 use sprung::figure::Drawing;
 use sprung::report::drawing;
 use sprung::scene::builtin;
-use sprung::Simulation;
 use std::ops::ControlFlow;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
