@@ -163,7 +163,7 @@ class Stepper:
         if checkpoints is not None:
             raise ValueError("checkpoints: are those of a run with differentiable=True")
         if accuracy is not None and rtol is not None:
-            raise ValueError("accuracy and rtol: must have at most one of the two")
+            raise ValueError("accuracy and rtol: give only one of the two")
         if accuracy is not None and callback is not None:
             raise ValueError("callback: has no run to follow, accuracy makes several")
         if isinstance(every, bool) or not isinstance(every, int) or every < 1:
