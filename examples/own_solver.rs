@@ -1,6 +1,6 @@
 //! Hands a linear solver of your own to a time step: here a dense Cholesky factorization by nalgebra.
 //!
-//! A solver is given every matrix once (`take`) and then solves with it (`solve`). What it cannot solve it must refuse, so that the
+//! A solver is given every matrix once (`update`) and then solves with it (`solve`). What it cannot solve it must refuse, so that the
 //! method can do something else: here a matrix that is not positive definite, for which `on-demand` then hands over a softer one.
 
 use sprung::assembly::{SpringPattern, SystemMatrix};

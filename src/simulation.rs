@@ -114,7 +114,7 @@ impl<'s> Simulation<'s> {
         Self { options: RunOptions { accuracy: None, ..options }, ..self }
     }
 
-    /// Goes on where energy appears from nowhere.
+    /// Continues where energy appears without cause.
     #[must_use]
     pub fn allow_unstable(self) -> Self {
         Self { stops_unstable: false, ..self }

@@ -52,7 +52,7 @@ pub struct Run {
     #[arg(long, value_name = "N")]
     frames: Option<NonZeroU64>,
 
-    /// Go on when energy appears from nowhere
+    /// Continue when energy appears without cause
     #[arg(long)]
     allow_unstable: bool,
 
@@ -126,7 +126,7 @@ impl Run {
         }
         if self.resume && found.is_none() && self.checkpoint.is_none() {
             let folder = folder.display();
-            return Err(Stop::Unusable(format!("{folder}: no checkpoint to resume from: give --checkpoint N")));
+            return Err(Stop::Unusable(format!("{folder}: no checkpoint to resume from; --checkpoint N writes them")));
         }
         let interrupted = Arc::new(AtomicBool::new(false));
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {

@@ -52,11 +52,11 @@ PAGES = [
 ]
 
 
-def matrices_of_a_chain() -> dict:
+def matrices_of_a_string() -> dict:
     """The files of ``sprung matrix``."""
     from scipy.io import mmwrite
 
-    matrices = sprung.System.ready("chain").matrices(dt=0.01)
+    matrices = sprung.System.ready("string").matrices(dt=0.01)
     for name in "KM":
         mmwrite(f"{name}.mtx", getattr(matrices, name), symmetry="symmetric")
     return {}
@@ -84,14 +84,14 @@ def modes_of_a_string() -> dict[str, object]:
     program = command()
     if program is None:
         pytest.skip("the command sprung is not built: set SPRUNG_COMMAND, or cargo build --release")
-    sprung.System.ready("string", 5).save("bridge.toml")
-    subprocess.run([program, "modes", "bridge.toml", "-n", "3", "--quiet", "--out", "out/bridge"], check=True, timeout=300)
+    sprung.System.ready("string", 5).save("string.toml")
+    subprocess.run([program, "modes", "string.toml", "-n", "3", "--quiet", "--out", "out/string"], check=True, timeout=300)
     return {}
 
 
 #: The input of pages whose blocks continue from files or arrays.
 INPUTS = {
-    "k-alone": matrices_of_a_chain,
+    "k-alone": matrices_of_a_string,
     "large-scenes": arrays_of_a_cloth,
     "modes": modes_of_a_string,
     "reading-results": run_of_a_cloth,

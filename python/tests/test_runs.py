@@ -218,7 +218,7 @@ def test_unusable_arguments_are_named():
         (lambda: stepper.run(1.0, dt=1e-300), "dt = 1e-300: is too short"),
         (lambda: stepper.run(1.0, rtol=1.5), "rtol = 1.5: must be between 0 and 1"),
         (lambda: stepper.run(1.0, accuracy=0.0), "accuracy = 0: must be between 0 and 1"),
-        (lambda: stepper.run(1.0, accuracy=0.1, rtol=0.1), "accuracy and rtol: must have at most one of the two"),
+        (lambda: stepper.run(1.0, accuracy=0.1, rtol=0.1), "accuracy and rtol: give only one of the two"),
         (lambda: stepper.run(1.0, accuracy=0.1, callback=print), "callback: has no run to follow"),
         (lambda: stepper.run(1.0, every=0), "every = 0: must be a positive integer"),
         (lambda: sprung.Stepper(system, method="verlet").run(1.0, rtol=0.1), "verlet has none: use bdf2, w2"),

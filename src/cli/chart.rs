@@ -139,7 +139,7 @@ impl Chart {
         }
         let mut outcome = Exit::Done;
         if is_interrupted() {
-            error("interrupted: the chart has the runs that were made until then");
+            error("interrupted: the chart shows the runs made so far");
             outcome = Exit::Failed;
         }
         for check in map.checks().iter().filter(|check| !check.passed()) {

@@ -44,7 +44,7 @@ pub struct Inspect {
     #[arg(long, value_name = "OPTION", default_value = "full", value_parser = choice(&STIFFNESSES, Stiffness::name))]
     stiffness: Stiffness,
 
-    /// Look at everything, however long it takes, instead of leaving out what takes too much work
+    /// Inspect everything, however long it takes, instead of skipping what takes too much work
     #[arg(long)]
     all: bool,
 

@@ -191,7 +191,9 @@ impl Earlier {
                 )),
                 Some(run) => console.note(format_args!("{run}: this run replaces its files")),
                 None if resume && parts.checkpoints.is_none() => {
-                    return Err(Error::Usage(format!("{folder}: no checkpoint to resume from: give --checkpoint N")));
+                    return Err(Error::Usage(format!(
+                        "{folder}: no checkpoint to resume from; --checkpoint N writes them"
+                    )));
                 }
                 None => {}
             }

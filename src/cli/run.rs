@@ -57,7 +57,7 @@ pub struct Run {
     #[command(flatten)]
     files: Files,
 
-    /// Go on when energy appears from nowhere: to see it blow up
+    /// Continue when energy appears without cause, to see the run blow up
     #[arg(long)]
     allow_unstable: bool,
 

@@ -23,7 +23,7 @@ impl Display for SummaryText<'_> {
         if let Some(error) = &summary.error {
             let kind = match error.kind {
                 ErrorKind::Confirmed => "confirmed",
-                ErrorKind::Indicator => "an estimate: right to about ten times",
+                ErrorKind::Indicator => "an estimate, accurate to about a factor of ten",
             };
             writeln!(f, "  error     about {} of the extent ({kind})", percent(error.estimate))?;
         }

@@ -147,7 +147,7 @@ impl Series {
         Self { like: Some(name.into()), ..self }
     }
 
-    /// Gives it a colour and a shape of its own.
+    /// Sets its colour and shape.
     pub fn looking(self, look: Look) -> Self {
         Self { look: Some(look), ..self }
     }

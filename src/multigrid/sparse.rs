@@ -84,7 +84,7 @@ pub(super) struct Transpose {
 }
 
 impl Transpose {
-    /// Places of a column's blocks among the entries.
+    /// The range of a column's blocks among the entries.
     #[inline(always)]
     pub fn column(&self, column: usize) -> Range<usize> {
         self.starts[column]..self.starts[column + 1]

@@ -218,7 +218,7 @@ impl OutputFolder {
         let lock = match File::open(path).map(|folder| (folder.try_lock(), folder)) {
             Ok((Ok(()), folder)) => Some(folder),
             Ok((Err(TryLockError::WouldBlock), _)) => {
-                let busy = io::Error::new(ErrorKind::WouldBlock, "another run is at work in this folder");
+                let busy = io::Error::new(ErrorKind::WouldBlock, "another run is using this folder");
                 return Err(Error::io(path, busy));
             }
             // Some systems cannot open or lock a folder; there the user keeps runs apart.
@@ -318,7 +318,7 @@ mod tests {
         #[cfg(target_os = "linux")]
         {
             let error = OutputFolder::claim(&path, false).unwrap_err().to_string();
-            assert!(error.ends_with("a/b: another run is at work in this folder"), "{error}");
+            assert!(error.ends_with("a/b: another run is using this folder"), "{error}");
         }
         folder.remove("final.json").unwrap();
         folder.remove("final.json").unwrap();

@@ -89,7 +89,7 @@ fn vector(key: &str, at: usize, row: &Row, dimension: usize) -> Result<Vector3<f
         return wrong(format!("must have {dimension} {entries}, as the scene's rows have"));
     }
     if !row.as_slice().iter().all(|x| x.abs() <= State::LARGEST) {
-        return wrong("must be at most 1e150 in size: squares of more are beyond the largest number".into());
+        return wrong("must be at most 1e150 in size: larger numbers overflow when squared".into());
     }
     Ok(row.vector())
 }

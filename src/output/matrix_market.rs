@@ -60,7 +60,7 @@ pub fn write_symmetric(
             written += 1;
         }
         if written != entries {
-            return Err(io::Error::other(format!("{written} entries where {entries} were announced")));
+            return Err(io::Error::other(format!("{written} entries instead of the announced {entries}")));
         }
         Ok(())
     })

@@ -212,7 +212,7 @@ impl ChoiceReport {
         (!reasons.is_empty()).then_some(report)
     }
 
-    /// The report on an answer of a required accuracy.
+    /// The report on a search for a required accuracy.
     pub fn of_answer<R>(answer: &Answer<R>, accuracy: f64, reason: String) -> Self {
         let rtol = match answer.control {
             StepControl::Adaptive { rtol, .. } => Some(rtol),

@@ -231,7 +231,7 @@ fn constraint(index: usize, entry: &ConstraintEntry, dimension: usize) -> Result
     }
     let motion = match (&entry.velocity, &entry.path) {
         (Some(_), Some(_)) => {
-            return Err(Invalid::new(key, "velocity and path", "must have at most one of the two"));
+            return Err(Invalid::new(key, "velocity and path", "give only one of the two"));
         }
         (Some(velocity), None) => Motion::Velocity(vector(&format!("{key}.velocity"), None, velocity, dimension)?),
         (None, Some(path)) => Motion::Path {

@@ -215,7 +215,7 @@ impl SystemBuilder {
         let rule = if v.iter().any(|c| !c.is_finite()) {
             "must be finite"
         } else if !State::is_finite_vector(v) {
-            "must be at most 1e150 in size: squares of more are beyond the largest number"
+            "must be at most 1e150 in size: larger numbers overflow when squared"
         } else if v.iter().skip(self.dimension).any(|&c| c != 0.0) {
             "must be zero along the axes that are not modelled"
         } else {

@@ -114,8 +114,8 @@ impl fmt::Display for JacobianReport {
 /// [`SymmetricMatrix`](crate::assembly::SymmetricMatrix). It need not be symmetric. The force is evaluated 28 times for
 /// each group of columns.
 ///
-/// Sees missing, extra, doubled, transposed, mis-signed and mis-scaled entries down to a relative error of `tolerance`.
-/// Is blind to faults of force and matrix alike, and with groups taken from the matrix itself, to some entries that it lacks.
+/// Detects missing, extra, doubled, transposed, mis-signed and mis-scaled entries down to a relative error of `tolerance`.
+/// An error that force and matrix share is not detected; nor are, with groups taken from the matrix itself, some missing entries.
 ///
 /// ```
 /// use nalgebra::DMatrix;
@@ -131,7 +131,7 @@ impl fmt::Display for JacobianReport {
 ///
 /// # Errors
 /// [`Invalid`] for an empty point, coordinates that are not finite, a matrix or groups or springs of another size, a
-/// length or tolerance that is not positive. A force or a matrix that is not finite is no error but a wrong entry.
+/// length or tolerance that is not positive. A value that is not finite is reported as a wrong entry.
 pub fn check_jacobian(
     mut force: impl FnMut(&[f64], &mut [f64]),
     matrix: impl Into<CscMatrix<f64>>,

@@ -65,7 +65,7 @@ macro_rules! rejections {
             constraint_axis_unknown: "[\"x\", \"y\"]", "[\"x\", \"w\"]" => "constraints[0].axes[1]: is the text \"w\", must be \"x\", \"y\" or \"z\" at line 18 column 14";
             constraint_velocity_planar: "[0, 0, 0.5]", "[0, 0.5]" => "constraints[0].velocity = [0.0, 0.5]: must have length 3, as the scene's other rows";
             constraint_velocity_nan: "[0, 0, 0.5]", "[nan, 0, 0.5]" => "constraints[0].velocity = [NaN, 0.0, 0.5]: must be finite";
-            constraint_of_two_motions: "particles = [1, 2]", "particles = [1, 2]\nvelocity = [1, 0, 0]" => "constraints[1] = velocity and path: must have at most one of the two";
+            constraint_of_two_motions: "particles = [1, 2]", "particles = [1, 2]\nvelocity = [1, 0, 0]" => "constraints[1] = velocity and path: give only one of the two";
             path_times_decreasing: "times = [0, 1]", "times = [0, -1]" => "constraints[1].path.times[1] = -1: times must increase";
             path_times_equal: "times = [0, 1]", "times = [1, 1]" => "constraints[1].path.times[1] = 1: times must increase";
             path_time_nan: "times = [0, 1]", "times = [0, nan]" => "constraints[1].path.times[1] = NaN: must be finite";

@@ -28,7 +28,7 @@ fn run(system: &System, start: &State, method: Method, duration: f64, rtol: Opti
     (state, indicators)
 }
 
-/// Ready scenes that fold, whip and buckle, and others that do not. Estimates are right to about ten times, and twice that is allowed; all that is wrong by
+/// Ready scenes that fold, whip and buckle, and others that do not. Estimates are accurate to about a factor of ten, and twice that is allowed; all that is wrong by
 /// more than the tolerance allows is told, and until when it was right.
 #[test]
 fn magnified_errors_are_told() {

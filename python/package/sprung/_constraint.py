@@ -46,7 +46,7 @@ class Constraint:
             )
         axes = None if self.axes is None else [_axis(key, at, axis, dimension) for at, axis in enumerate(self.axes)]
         if self.velocity is not None and self.path is not None:
-            raise ValueError(f"{key} = velocity and path: must have at most one of the two")
+            raise ValueError(f"{key} = velocity and path: give only one of the two")
         velocity = path = None
         if self.velocity is not None:
             velocity = vector(f"{key}.velocity", self.velocity, dimension)

@@ -26,8 +26,8 @@ class Stepper:
     method : str, optional
         ``"linear-backward-euler"``, ``"backward-euler"``, ``"bdf2"``, ``"w2"``, ``"rodas4"``,
         ``"implicit-midpoint"``, ``"verlet"``, ``"dop853"``, ``"forward-euler"``, ``"symplectic-euler"``, or ``"auto"``.
-        The defaults are those of the command: ``"linear-backward-euler"`` for fixed steps, ``"rodas4"`` for adaptive ones, and an
-        automatic choice for a required accuracy.
+        The defaults are those of the command: ``"linear-backward-euler"`` for fixed steps, ``"dop853"`` or ``"rodas4"`` by the
+        stiffness of the scene for adaptive ones, and an automatic choice for a required accuracy.
     stiffness : {"on-demand", "full", "tension", "axial"}, optional
         The terms of the stiffness that enter the matrix; forces do not depend on it.
     solver : {"auto", "llt", "ldlt", "cg", "cg-assembled"}, optional
@@ -163,7 +163,7 @@ class Stepper:
         if checkpoints is not None:
             raise ValueError("checkpoints: are those of a run with differentiable=True")
         if accuracy is not None and rtol is not None:
-            raise ValueError("accuracy and rtol: must have at most one of the two")
+            raise ValueError("accuracy and rtol: give only one of the two")
         if accuracy is not None and callback is not None:
             raise ValueError("callback: has no run to follow, accuracy makes several")
         if isinstance(every, bool) or not isinstance(every, int) or every < 1:

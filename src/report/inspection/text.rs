@@ -150,7 +150,7 @@ fn turned(inspection: &Inspection) -> Vec<String> {
     vec![
         format!("  turning      TOO FAR: the step turns {what};"),
         format!("               {then}."),
-        "               Nothing breaks down by that, the motion is wrong".into(),
+        "               The run does not fail, but its motion is wrong".into(),
     ]
 }
 

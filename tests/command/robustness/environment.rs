@@ -159,7 +159,7 @@ fn two_runs_do_not_share_a_folder() {
     scene(&sandbox, "cloth", "4");
     let second = ["run", "cloth.toml", "--dt", "0.01", "--steps", "3", "--out", "o"];
     let mut first = endless(&sandbox);
-    sandbox.sprung(&second).ends_with(2).complains(&["error: o: another run is at work in this folder"]);
+    sandbox.sprung(&second).ends_with(2).complains(&["error: o: another run is using this folder"]);
     first.kill().unwrap();
     first.wait().unwrap();
     assert!(sandbox.names("o").iter().any(|name| name.ends_with(".part")), "a killed run leaves its unfinished files");
