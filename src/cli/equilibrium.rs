@@ -3,12 +3,14 @@
 use super::common::{At, LoadedScene, SceneFile, claim, positive_count};
 use super::console::{Console, error};
 use super::threads::Threads;
-use super::view::{PAGE, write_page};
+use super::view::{write_motions, write_page};
 use super::{Exit, Stop};
 use sprung::equilibrium::{Equilibrium, EquilibriumOptions, LoadPath, Stability, equilibrium, load_path};
 use sprung::figure::{Animation, SceneTopology};
 use sprung::output::{AtomicFile, OutputFolder};
-use sprung::report::statics::{EquilibriumRecord, equilibrium_text, load_path_animation, load_path_plot, verdict};
+use sprung::report::statics::{
+    EquilibriumRecord, buckling_motions, equilibrium_text, load_path_animation, load_path_plot, verdict,
+};
 use sprung::{Result, report};
 use std::fmt::Write;
 use std::num::NonZeroUsize;
@@ -19,7 +21,7 @@ use std::path::{Path, PathBuf};
 /// Goes downhill in energy from the start, or from the state of a file, by Newton's method, until the largest force left is 1e-10 of the largest
 /// that acts. The signs of the eigenvalues of −K say what was found: stable; indifferent, where motions cost no energy; unstable, a saddle that
 /// the search could not leave; none, where nothing holds some particles, which are named. The last two end with status 1, as does a search that does not
-/// converge. Writes equilibrium.json, whose state other commands take with --at, and view.html.
+/// converge. Writes equilibrium.json, whose state other commands take with --at, and equilibrium.html.
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub struct EquilibriumCommand {
@@ -27,7 +29,7 @@ pub struct EquilibriumCommand {
     scene: SceneFile,
 
     /// Follow gravity and loads from zero to their full values in N steps, locate the critical ones, at which the scene buckles or snaps
-    /// through, and write load-path.svg; view.html then plays the path
+    /// through, and write load-path.svg and buckling.html; equilibrium.html then plays the path
     #[arg(long, value_name = "N", value_parser = positive_count::<NonZeroUsize>)]
     load_path: Option<NonZeroUsize>,
 
@@ -43,7 +45,11 @@ pub struct EquilibriumCommand {
 }
 
 const PLOT: &str = "load-path.svg";
-const FILES: [&str; 3] = ["equilibrium.json", PAGE, PLOT];
+/// Plays the equilibrium, or a load path.
+const PAGE: &str = "equilibrium.html";
+/// Plays the direction in which a load path loses its stiffness.
+const BUCKLING: &str = "buckling.html";
+const FILES: [&str; 4] = ["equilibrium.json", PAGE, PLOT, BUCKLING];
 
 impl EquilibriumCommand {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
@@ -75,7 +81,9 @@ impl EquilibriumCommand {
         if let Some(factor) = linear {
             let _ = writeln!(text, "  linear buckling       {factor:.6} of the full load: an estimate");
         }
-        let names = if path.is_some() { FILES.join(", ") } else { FILES[..2].join(", ") };
+        let buckles = path.as_ref().is_some_and(|path| !path.critical.is_empty());
+        let written = 2 + usize::from(path.is_some()) + usize::from(buckles);
+        let names = FILES[..written].join(", ");
         let _ = writeln!(text, "  files                 {names} in {}", folder.display());
         let _ = write!(text, "open {}", folder.join(PAGE).display());
         console.result(&record, text)?;
@@ -102,10 +110,14 @@ fn write(
     let animation = match path {
         Some(path) => {
             AtomicFile::write_text(folder.join(PLOT), &report::plot::svg(&load_path_plot(&scene.name, path)))?;
+            let (motions, at) = (buckling_motions(&scene.name, &scene.system, path), path.critical.first());
+            let positions = at.map_or(&scene.state.positions, |critical| &critical.state.positions);
+            write_motions(claimed, &folder.join(BUCKLING), scene, positions, &motions)?;
             load_path_animation(&scene.name, topology, path)
         }
         None => {
             claimed.remove(PLOT)?;
+            claimed.remove(BUCKLING)?;
             let mut animation = Animation::still(&scene.name, topology, &found.state);
             animation.remarks = vec![format!("equilibrium, {}", verdict(found))];
             animation

@@ -73,5 +73,5 @@ fn write(
     found: &Mechanisms,
 ) -> Result<bool> {
     AtomicFile::write_indented_json(folder.join(FILES[0]), record)?;
-    write_motions(claimed, &folder.join(PAGE), scene, &mechanism_motions(&scene.name, found))
+    write_motions(claimed, &folder.join(PAGE), scene, &scene.state.positions, &mechanism_motions(&scene.name, found))
 }

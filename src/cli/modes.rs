@@ -113,5 +113,11 @@ fn write(
 ) -> Result<bool> {
     AtomicFile::write_indented_json(folder.join(FILES[0]), record)?;
     write_modes(folder.join(FILES[1]), &scene.system, found)?;
-    write_motions(claimed, &folder.join(PAGE), scene, &mode_motions(&scene.name, at, &scene.system, found))
+    write_motions(
+        claimed,
+        &folder.join(PAGE),
+        scene,
+        &scene.state.positions,
+        &mode_motions(&scene.name, at, &scene.system, found),
+    )
 }

@@ -54,6 +54,11 @@ impl SummaryText<'_> {
         let mut line = |name: &str, text: String| writeln!(f, "  {name:<9} {text}");
         let (particles, springs) = (count(*particles as u64, "particle"), count(*springs as u64, "spring"));
         line("system", format!("{particles}, {springs}, {dofs} degrees of freedom"))?;
+        // Maxwell's count.
+        if let Some(free) = dofs.checked_sub(self.summary.springs).filter(|free| *free > 0) {
+            let motions = count(free as u64, "motion");
+            line("floppy", format!("at least {motions} stretch no spring; sprung mechanisms names them"))?;
+        }
         let method_reason = self.summary.choice.as_ref().map(|choice| &choice.reason);
         for reason in method_reason.into_iter().chain(&self.summary.solver_choice) {
             line("chosen", reason.clone())?;

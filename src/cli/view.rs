@@ -3,6 +3,7 @@
 use super::common::{At, LoadedScene, SceneFile, folder_of};
 use super::console::{Console, number};
 use super::{Exit, Stop};
+use nalgebra::Vector3;
 use serde_json::json;
 use sprung::figure::{Animation, SceneTopology};
 use sprung::output::{AtomicFile, OutputFolder, TRAJECTORY, playback};
@@ -92,12 +93,18 @@ pub fn write_page(page: &Path, animation: &Animation) -> Result<usize> {
 }
 
 /// Writes the page of motions about a state; removes an older one, and returns false, where there are none.
-pub fn write_motions(claimed: &OutputFolder, page: &Path, scene: &LoadedScene, motions: &Motions) -> Result<bool> {
+pub fn write_motions(
+    claimed: &OutputFolder,
+    page: &Path,
+    scene: &LoadedScene,
+    positions: &[Vector3<f64>],
+    motions: &Motions,
+) -> Result<bool> {
     if motions.motions.is_empty() {
         page.file_name().and_then(|name| name.to_str()).map_or(Ok(()), |name| claimed.remove(name))?;
         return Ok(false);
     }
-    let text = motions.html(SceneTopology::of(&scene.system, &scene.triangles), &scene.state.positions);
+    let text = motions.html(SceneTopology::of(&scene.system, &scene.triangles), positions);
     AtomicFile::write_text(page, &text.map_err(|source| Error::io(page, source))?)?;
     Ok(true)
 }

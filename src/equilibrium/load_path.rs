@@ -50,6 +50,8 @@ pub struct CriticalLoad {
     pub kind: CriticalKind,
     /// The direction that loses its stiffness, over the free degrees of freedom, of length 1.
     pub direction: Vec<f64>,
+    /// The equilibrium just below that load.
+    pub state: State,
 }
 
 /// Equilibria under rising loads.
@@ -209,7 +211,8 @@ impl Path<'_> {
         let direction = self.softest(&low.1.state)?;
         let along = dot(&direction, &self.load).abs() / norm(&self.load);
         let kind = if jumped || along > 1e-3 { CriticalKind::LimitPoint } else { CriticalKind::Bifurcation };
-        Ok(Some((CriticalLoad { factor: 0.5 * (low.0 + high.0), kind, direction }, high.0, high.1)))
+        let factor = 0.5 * (low.0 + high.0);
+        Ok(Some((CriticalLoad { factor, kind, direction, state: low.1.state }, high.0, high.1)))
     }
 
     /// The eigenvector of the eigenvalue of −K nearest to zero, by inverse iteration.

@@ -2,7 +2,7 @@
 
 mod html;
 
-pub use html::{load_path_animation, load_path_plot, mechanism_motions, mode_motions};
+pub use html::{buckling_motions, load_path_animation, load_path_plot, mechanism_motions, mode_motions};
 
 use super::number::{count, pretty};
 use crate::equilibrium::{Equilibrium, Signs, Stability};
@@ -93,6 +93,9 @@ pub fn equilibrium_text(scene: &str, found: &Equilibrium, critical: &[(f64, &'st
     let verdict = verdict(found);
     let mut text = format!("{scene}: {verdict}\n");
     let _ = writeln!(text, "  largest force left    {} of the largest that acts", pretty(found.residual));
+    if found.stability == Stability::Indifferent {
+        let _ = writeln!(text, "  free motions          sprung mechanisms names them");
+    }
     let _ = writeln!(text, "  energy                {} J", pretty(found.energy));
     let _ = writeln!(
         text,

@@ -72,7 +72,7 @@ fn a_cloth_comes_to_rest() {
     let found = answer.json();
     assert_eq!(answer.stderr, "");
     assert_eq!(found, sandbox.json("out/cloth/equilibrium.json"));
-    assert_eq!(sandbox.names("out/cloth"), ["equilibrium.json", "view.html"]);
+    assert_eq!(sandbox.names("out/cloth"), ["equilibrium.html", "equilibrium.json"]);
     assert_eq!(found["status"], "stable");
     assert!(found["residual"].as_f64().unwrap() <= 1e-10);
     assert_eq!(found["inertia"]["negative"], 0);
@@ -134,12 +134,14 @@ fn a_shallow_truss_snaps_through() {
     assert_eq!((critical.len(), &found["critical_kinds"]), (1, &json!(["limit point"])));
     assert!((critical[0] * mass * 9.81 / limit - 1.0).abs() < 1e-8, "{critical:?}");
     assert_eq!(found["status"], "stable");
-    assert_eq!(sandbox.names("out/truss"), ["equilibrium.json", "load-path.svg", "view.html"]);
+    assert_eq!(sandbox.names("out/truss"), ["buckling.html", "equilibrium.html", "equilibrium.json", "load-path.svg"]);
     assert!(sandbox.read("out/truss/load-path.svg").contains("limit point at"));
-    assert!(sandbox.read("out/truss/view.html").contains("\"clock\":[\"load\",\"\"]"));
+    let buckling = sandbox.read("out/truss/buckling.html");
+    assert!(buckling.contains("limit point at") && buckling.contains("of the full load"));
+    assert!(sandbox.read("out/truss/equilibrium.html").contains("\"clock\":[\"load\",\"\"]"));
     // Without a path an older picture of one goes.
     sandbox.sprung(&["equilibrium", "truss.toml"]).ends_with(0);
-    assert_eq!(sandbox.names("out/truss"), ["equilibrium.json", "view.html"]);
+    assert_eq!(sandbox.names("out/truss"), ["equilibrium.html", "equilibrium.json"]);
 }
 
 #[test]
@@ -269,7 +271,10 @@ fn a_scene_in_which_nothing_can_move_is_no_failure() {
     assert_eq!((&answer.json()["eigenvalues"], answer.stderr.as_str()), (&json!([]), ""));
     let found = sandbox.sprung(&["mechanisms", "held.toml", "--json", "--out", "o"]).ends_with(0).json();
     assert_eq!(found["mechanisms"], 0);
-    assert_eq!(sandbox.names("o"), ["equilibrium.json", "mechanisms.json", "modes.json", "modes.npz", "view.html"]);
+    assert_eq!(
+        sandbox.names("o"),
+        ["equilibrium.html", "equilibrium.json", "mechanisms.json", "modes.json", "modes.npz"]
+    );
 }
 
 #[test]

@@ -1,13 +1,14 @@
 //! Normal modes, mechanisms and load paths as what pages show.
 
 use super::{BALANCED, ranges, self_stresses};
-use crate::equilibrium::{Equilibrium, LoadPath, Stability};
+use crate::equilibrium::{CriticalLoad, Equilibrium, LoadPath, Stability};
 use crate::figure::{Animation, Axis, Guide, Plot, SceneTopology, Series, Track};
 use crate::mechanisms::Mechanisms;
 use crate::modes::{Mode, Modes};
 use crate::report::number::{count, pretty};
 use crate::report::view::{Motion, Motions};
 use crate::system::System;
+use nalgebra::Vector3;
 
 /// Normal modes, zero modes first.
 pub fn mode_motions(scene: &str, at: &str, system: &System, found: &Modes) -> Motions {
@@ -100,6 +101,26 @@ pub fn mechanism_motions(scene: &str, found: &Mechanisms) -> Motions {
     }
     let columns = ["particles", "which"].map(String::from).into();
     Motions { title: format!("Mechanisms of {scene}"), facts, warnings, columns, motions, first: 0 }
+}
+
+/// The direction in which a path loses its stiffness first; nothing where it never does.
+pub fn buckling_motions(scene: &str, system: &System, path: &LoadPath) -> Motions {
+    let motion = |critical: &CriticalLoad| {
+        let mut shape = vec![Vector3::zeros(); system.particles()];
+        system.dofs().scatter(&critical.direction, &mut shape);
+        let remark = format!("{} at {} of the full load", critical.kind.name(), pretty(critical.factor));
+        Motion { name: critical.kind.name().into(), cells: vec![pretty(critical.factor)], remark, shape }
+    };
+    Motions {
+        title: format!("Buckling of {scene}"),
+        facts: vec![
+            "The direction in which −K is singular at the first critical load, about the equilibrium there.".into(),
+        ],
+        warnings: Vec::new(),
+        columns: vec!["load".into()],
+        motions: path.critical.first().map(motion).into_iter().collect(),
+        first: 0,
+    }
 }
 
 /// The largest displacement from the first equilibrium of a path, for each of its equilibria.
