@@ -1,13 +1,13 @@
 //! Building the guide: its own pages, pages of the repository, formulas as MathML, and mdBook.
 
-use crate::{links, taken, theory};
+use crate::{copied_pages, links, theory};
 use anyhow::{Context, Result, bail};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
 /// Pages of the repository that the guide shows too: the page of the guide, and its source.
-const TAKEN: [(&str, &str); 10] = [
+const PAGES: [(&str, &str); 10] = [
     ("reference/verification.md", "verification/README.md"),
     ("reference/study.md", "verification/study.md"),
     ("reference/accuracy.md", "verification/accuracy.md"),
@@ -25,7 +25,7 @@ pub fn build(root: &Path) -> Result<()> {
     let (source, target) = (root.join("docs/guide"), root.join("target/guide"));
     let _ = fs::remove_dir_all(&target);
     copy(&source, &target)?;
-    taken::copy(root, &target.join("src"), &TAKEN)?;
+    copied_pages::copy(root, &target.join("src"), &PAGES)?;
     for page in theory::chapters(&target)? {
         let text = fs::read_to_string(&page).with_context(|| page.display().to_string())?;
         let typeset = theory::typeset(&text).with_context(|| page.display().to_string())?;

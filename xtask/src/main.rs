@@ -1,11 +1,11 @@
 //! Tools for those who work on `sprung`: `cargo xtask --help`.
 
+mod copied_pages;
 mod cycles;
 mod deps;
 mod faults;
 mod guide;
 mod links;
-mod taken;
 mod theory;
 mod tools;
 #[cfg(test)]

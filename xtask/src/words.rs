@@ -1,7 +1,7 @@
 //! Names and sentences of the source in the terms of the field.
 
 use regex::Regex;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -116,4 +116,66 @@ fn paragraphs_are_counted_without_lists_and_code() {
     let code = "//! How it works.\n//! It works.\n//!\n//! Of two.\n\n/// A force\n/// What it is.\n/// ```\n/// How\n\
                 /// ```\n/// - What\nfn f() {}\n";
     assert_eq!(paragraphs(code), (3, vec![1, 4, 7]));
+}
+
+/// Numbers that happen to be measured twice, of different things.
+const COINCIDENCES: [&str; 2] = ["1.45 times", "15 %"];
+
+/// Numbers with a unit and at least two digits, in the prose of a page: what may have been measured.
+fn measured(page: &str) -> BTreeSet<String> {
+    let code = Regex::new(r"(?s)```.*?```|`[^`]*`").unwrap();
+    let number =
+        Regex::new(r"(?:^|[^\w.])(\d[\d.]*\d)[  ](%|times|ns|µs|ms|s|seconds|minutes|hours|kB|MB|GB|MiB|GiB)(?:\W|$)");
+    let page = code.replace_all(page, "");
+    let prose = page.lines().filter(|line| !line.trim_start().starts_with('|'));
+    let number = number.unwrap();
+    prose
+        .flat_map(|line| {
+            number.captures_iter(line).map(|found| format!("{} {}", &found[1], &found[2])).collect::<Vec<_>>()
+        })
+        .filter(|found| found.chars().filter(char::is_ascii_digit).collect::<String>().trim_matches('0').len() >= 2)
+        .collect()
+}
+
+/// A measured number stands in one page; others link to it. The help of the command is a page too.
+#[test]
+fn measured_numbers_stand_in_one_page() {
+    let root = crate::root().unwrap();
+    let mut pages = vec![("--help".to_owned(), String::new())];
+    for (_, code) in sources().iter().filter(|(file, _)| file.starts_with("cli")) {
+        code.lines()
+            .filter_map(|line| line.trim_start().strip_prefix("///"))
+            .for_each(|line| pages[0].1 += &(line.to_owned() + "\n"));
+    }
+    let mut folders = ["docs", "verification"].map(|folder| root.join(folder)).to_vec();
+    let mut files = vec![root.join("README.md"), root.join("python/README.md")];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_dir() {
+                true => folders.push(path),
+                false => files.push(path),
+            }
+        }
+    }
+    // Pages of measurements take in their remarks.
+    let is_page =
+        |path: &PathBuf| path.extension().is_some_and(|extension| extension == "md") && !path.ends_with("remarks.md");
+    for file in files.into_iter().filter(is_page) {
+        pages.push((file.strip_prefix(&root).unwrap().display().to_string(), fs::read_to_string(&file).unwrap()));
+    }
+    let mut places: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    for (name, page) in &pages {
+        measured(page).into_iter().for_each(|number| places.entry(number).or_default().push(name));
+    }
+    places.retain(|number, pages| pages.len() > 1 && !COINCIDENCES.contains(&number.as_str()));
+    let list: Vec<String> = places.iter().map(|(number, pages)| format!("{number}: {}", pages.join(", "))).collect();
+    assert!(list.is_empty(), "{} numbers stand in more than one page:\n{}", list.len(), list.join("\n"));
+}
+
+#[test]
+fn numbers_with_units_are_measured() {
+    let page =
+        "It takes 2.5 s, 31 times as long (0.35 MB).\n`12 s` and 0.5 s, 100 %\n| 77 s |\n```\n88 s\n```\nv1.25 s4\n";
+    assert_eq!(measured(page).into_iter().collect::<Vec<_>>(), ["0.35 MB", "2.5 s", "31 times"]);
 }

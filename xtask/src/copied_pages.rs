@@ -6,9 +6,9 @@ use std::fs;
 use std::path::{Component, Path, PathBuf};
 
 /// Copies pages into the folder of the guide's sources; each has its place there and its source in the repository.
-pub fn copy(root: &Path, target: &Path, taken: &[(&str, &str)]) -> Result<()> {
+pub fn copy(root: &Path, target: &Path, pages: &[(&str, &str)]) -> Result<()> {
     let link = Regex::new(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")?;
-    for &(page, source) in taken {
+    for &(page, source) in pages {
         let text = fs::read_to_string(root.join(source)).with_context(|| source.to_owned())?;
         let mut pictures = Vec::new();
         let text = link.replace_all(&text, |found: &Captures<'_>| {
@@ -20,7 +20,7 @@ pub fn copy(root: &Path, target: &Path, taken: &[(&str, &str)]) -> Result<()> {
             } else if is_picture {
                 pictures.push(leads_to.clone());
                 format!("![{words}]({})", name(&leads_to))
-            } else if let Some((other, _)) = taken.iter().find(|(_, other)| Path::new(other) == leads_to) {
+            } else if let Some((other, _)) = pages.iter().find(|(_, other)| Path::new(other) == leads_to) {
                 let anchor = if anchor.is_empty() { String::new() } else { format!("#{anchor}") };
                 format!("[{words}]({}{anchor})", name(Path::new(other)))
             } else {
@@ -72,7 +72,7 @@ mod tests {
     /// Links to copied pages, to pictures, to the web, to other files, and within the page.
     #[test]
     fn pages_are_copied_with_their_pictures() {
-        let root = std::env::temp_dir().join(format!("sprung-taken-{}", std::process::id()));
+        let root = std::env::temp_dir().join(format!("sprung-copied-{}", std::process::id()));
         fs::create_dir_all(root.join("docs")).unwrap();
         let text = "[b](docs/b.md#x) ![p](docs/p.svg) [w](https://w.x) [gone](src/lib.rs) [here](#h)";
         fs::write(root.join("a.md"), text).unwrap();
