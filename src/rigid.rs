@@ -4,7 +4,7 @@
 //! held coordinate stays: the null space of the six motions' values there.
 
 use crate::system::System;
-use nalgebra::{DMatrix, SymmetricEigen, Vector3};
+use nalgebra::{DMatrix, Matrix3, SymmetricEigen, Vector3};
 
 /// Particles that springs connect, and the held particles that they are tied to.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -53,6 +53,22 @@ pub(crate) fn bodies(system: &System) -> Vec<Body> {
         body.anchors.dedup();
     }
     bodies
+}
+
+/// Positions moved rigidly to where they are nearest to a reference, by the singular value decomposition of their covariance (Kabsch,
+/// Acta Cryst. A32, 1976).
+pub(crate) fn rigidly_aligned(reference: &[Vector3<f64>], positions: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let count = positions.len().max(1) as f64;
+    let [centre, to] = [positions, reference].map(|list| list.iter().sum::<Vector3<f64>>() / count);
+    let mut covariance = Matrix3::zeros();
+    for (x, reference) in positions.iter().zip(reference) {
+        covariance += (reference - to) * (x - centre).transpose();
+    }
+    let svd = covariance.svd(true, true);
+    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return positions.to_vec() };
+    let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
+    let turn = u * mirror * v_t;
+    positions.iter().map(|x| to + turn * (x - centre)).collect()
 }
 
 /// Relative size of what counts as no motion of a held coordinate, and of what counts as no motion at all.

@@ -7,13 +7,13 @@ use super::{
 };
 use crate::error::Result;
 use crate::integrate::{
-    AdaptiveOptions, ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, OutputTimes, Schedule,
-    Statistics, Status, StiffnessPolicy, TimeStepper, hermite, percent, run_adaptive_monitored, run_monitored,
+    AdaptiveOptions, ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, OutputTimes, Sampler,
+    Schedule, Statistics, Status, StiffnessPolicy, TimeStepper, percent, run_adaptive_monitored, run_monitored,
 };
 use crate::linear::{CostModel, FactorReport, LinearSolver, SolverChoice, SolverOptions};
+use crate::rigid::rigidly_aligned;
 use crate::system::{State, System};
 use faer::Par;
-use nalgebra::{Matrix3, Vector3};
 use std::ops::ControlFlow;
 
 /// The accuracy required of an answer, and the choices of the search.
@@ -462,62 +462,6 @@ impl<O: Observer> Search<'_, O> {
             _ => Attempt::Failed,
         })
     }
-}
-
-/// Samples of a run of fixed steps at multiples of an interval and at its end, by cubic Hermite polynomials between the steps.
-struct Sampler {
-    interval: f64,
-    start: f64,
-    end: f64,
-    count: u64,
-    before: State,
-    sample: State,
-}
-
-impl Sampler {
-    fn new(start: &State, interval: f64, duration: f64) -> Self {
-        let end = start.time + duration;
-        Self { interval, start: start.time, end, count: 0, before: start.clone(), sample: start.clone() }
-    }
-
-    fn observe(
-        &mut self,
-        system: &System,
-        state: &State,
-        mut see: impl FnMut(u64, &State) -> ControlFlow<()>,
-    ) -> ControlFlow<()> {
-        // A sample within rounding of the end is the end.
-        let slack = 1e-9 * self.interval;
-        loop {
-            let time = self.start + (self.count + 1) as f64 * self.interval;
-            if time > state.time || time > self.end - slack {
-                break;
-            }
-            self.count += 1;
-            hermite(&self.before, state, time, &mut self.sample);
-            self.sample.time = time;
-            self.sample.prescribe(system);
-            see(self.count, &self.sample)?;
-        }
-        self.before.copy_from(state);
-        if state.time >= self.end - slack { see(self.count + 1, state) } else { ControlFlow::Continue(()) }
-    }
-}
-
-/// Positions moved rigidly to where they are nearest to a reference, by the singular value decomposition of their covariance (Kabsch,
-/// Acta Cryst. A32, 1976).
-fn rigidly_aligned(reference: &[Vector3<f64>], positions: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    let count = positions.len().max(1) as f64;
-    let [centre, to] = [positions, reference].map(|list| list.iter().sum::<Vector3<f64>>() / count);
-    let mut covariance = Matrix3::zeros();
-    for (x, reference) in positions.iter().zip(reference) {
-        covariance += (reference - to) * (x - centre).transpose();
-    }
-    let svd = covariance.svd(true, true);
-    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return positions.to_vec() };
-    let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
-    let turn = u * mirror * v_t;
-    positions.iter().map(|x| to + turn * (x - centre)).collect()
 }
 
 /// A configuration and its step or tolerance, for people.

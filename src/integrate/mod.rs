@@ -33,7 +33,7 @@ mod substeps;
 mod verlet;
 mod w_method;
 
-pub(crate) use adaptive::hermite;
+use adaptive::hermite;
 pub use adaptive::{
     AdaptiveOptions, AdaptiveStepper, ErrorEstimate, OutputTimes, run_adaptive, run_adaptive_monitored,
 };
@@ -53,6 +53,7 @@ pub use newton::NewtonOptions;
 pub use propagated_error::{CompletedStep, PropagatedError};
 pub use regularization::Regularization;
 pub use rodas4::Rodas4;
+pub(crate) use run::Sampler;
 pub use run::{Outcome, RunFailure, run, run_monitored};
 pub use schedule::Schedule;
 pub(crate) use schedule::is_end;

@@ -1,7 +1,7 @@
 //! The run loop: step after step until the end, a failure, or a request to stop.
 
-use super::{Monitor, Schedule, Status, StepFailure, TimeStepper};
-use crate::system::State;
+use super::{Monitor, Schedule, Status, StepFailure, TimeStepper, hermite};
+use crate::system::{State, System};
 use std::ops::ControlFlow;
 
 /// The end of a run. The state is the last good one.
@@ -50,6 +50,46 @@ impl Outcome {
             _ => steps,
         };
         Self { steps, end: Err(RunFailure { step, time, failure: grown.unwrap_or(failure) }) }
+    }
+}
+
+/// Samples of a run of fixed steps at multiples of an interval and at its end, by cubic Hermite polynomials between the steps.
+pub(crate) struct Sampler {
+    interval: f64,
+    start: f64,
+    end: f64,
+    count: u64,
+    before: State,
+    sample: State,
+}
+
+impl Sampler {
+    pub fn new(start: &State, interval: f64, duration: f64) -> Self {
+        let end = start.time + duration;
+        Self { interval, start: start.time, end, count: 0, before: start.clone(), sample: start.clone() }
+    }
+
+    pub fn observe(
+        &mut self,
+        system: &System,
+        state: &State,
+        mut see: impl FnMut(u64, &State) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        // A sample within rounding of the end is the end.
+        let slack = 1e-9 * self.interval;
+        loop {
+            let time = self.start + (self.count + 1) as f64 * self.interval;
+            if time > state.time || time > self.end - slack {
+                break;
+            }
+            self.count += 1;
+            hermite(&self.before, state, time, &mut self.sample);
+            self.sample.time = time;
+            self.sample.prescribe(system);
+            see(self.count, &self.sample)?;
+        }
+        self.before.copy_from(state);
+        if state.time >= self.end - slack { see(self.count + 1, state) } else { ControlFlow::Continue(()) }
     }
 }
 
