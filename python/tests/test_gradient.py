@@ -219,7 +219,7 @@ def test_moving_constraints(method):
     weights = np.random.default_rng(7).normal(size=(6, 3))
 
     def run(**changes):
-        constraints = [sprung.Constraint(0, velocity=[0.2, 0, 0.5]), sprung.Constraint(5, axes="z", path=([0, 0.1, 1], [[0, 0, 0], [0, 0, 0.1], [0, 0, 0]]))]
+        constraints = [sprung.Constraint(0, velocity=[0.2, 0, 0.5]), sprung.Constraint(5, axes="z", path=([0, 0.11, 1], [[0, 0, 0], [0, 0, 0.1], [0, 0, 0]]))]
         return sprung.Stepper(system_of({**arguments, **changes}, constraints=constraints), method=method).run(T, dt=DT, differentiable=True)
 
     gradient = run().gradient(weights, check=False)
