@@ -55,7 +55,7 @@ pub const FAMILIES: &[Family] = &[
     family(Claim::Jacobian, "dropped_terms", has_active_springs, of_springs, derivatives::dropped_terms),
     family(Claim::Consistency, "derivatives", has_active_springs, of_springs, derivatives::consistency),
     family(Claim::Consistency, "work_energy", has_springs, of_springs, consistency::work_energy),
-    family(Claim::Consistency, "tangents", has_equations, of_steps, gradients::tangents),
+    family(Claim::Consistency, "adjoints", has_equations, of_steps, gradients::adjoints),
     family(Claim::Assembly, "assembly", can_move, of_steps, products::assembly),
     family(Claim::Solvers, "solvers", can_move, of_steps, solvers::measure),
     family(Claim::Solvers, "linear_steps", can_move, of_steps, step_equations::linear),
