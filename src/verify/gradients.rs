@@ -36,6 +36,9 @@ use num_dual::{Dual64, DualNum};
 /// Length of the runs in steps: three and a shorter one, so that bdf2 meets unequal steps.
 const LENGTH: f64 = 3.6;
 
+/// States that are kept, more than there are.
+const ROOM: usize = 8;
+
 /// The part of the parameters at which remainders are rounding, and the largest that moves no spring by an eighth of its length.
 const FINEST: f64 = 1.0 / (1u64 << 30) as f64;
 const COARSEST: f64 = 1.0 / 8.0;
@@ -68,16 +71,16 @@ impl<'c> Subject<'c> {
     fn new(case: &'c TestCase, method: Method) -> Result<Self> {
         let TestCase { system, state, .. } = case;
         let dt = case.dt.min(case.resolving_step());
-        let run = DifferentiableRun::new(system, state, method, dt, LENGTH * dt)?;
-        let n = system.particles();
+        let time = LENGTH * dt;
+        let run = DifferentiableRun::with_checkpoints(system, state, method, dt, time, ROOM)?;
         let vectors = |seed| random_vectors(system, seed);
         // A velocity counts by the way that it goes in the run.
         let cotangent = |step: usize| Cotangent {
             step,
             positions: vectors(step as u64),
-            velocities: on_free_axes(system, vectors(9 + step as u64)).iter().map(|v| v * (LENGTH * dt)).collect(),
+            velocities: on_free_axes(system, vectors(9 + step as u64)).iter().map(|v| v * time).collect(),
         };
-        let mut lengths = vec![f64::INFINITY; n];
+        let mut lengths = vec![f64::INFINITY; system.particles()];
         for link in reference::links(system, &state.positions) {
             link.ends.iter().for_each(|&p| lengths[p] = lengths[p].min(link.length).min(link.rest_length));
         }
@@ -86,17 +89,15 @@ impl<'c> Subject<'c> {
         let scaled = |seed, scale: &dyn Fn(usize) -> f64| -> Vec<Vector3<f64>> {
             vectors(seed).iter().enumerate().map(|(p, v)| v * (0.25 * scale(p))).collect()
         };
-        let random = |seed, values: &mut dyn Iterator<Item = f64>| -> Vec<f64> {
-            let values: Vec<f64> = values.collect();
+        let random = |seed, values: Vec<f64>| -> Vec<f64> {
             random_vector(values.len(), seed).iter().zip(values).map(|(r, value)| 0.5 * r * value).collect()
         };
-        let time = LENGTH * dt;
         let springs = || system.springs().iter();
         let change = Parameters {
-            stiffness: random(21, &mut springs().map(|spring| spring.stiffness)),
-            rest_lengths: random(22, &mut springs().map(|spring| spring.rest_length)),
-            damping: random(23, &mut springs().map(|spring| spring.damping)),
-            masses: random(24, &mut system.masses().iter().copied()),
+            stiffness: random(21, springs().map(|spring| spring.stiffness).collect()),
+            rest_lengths: random(22, springs().map(|spring| spring.rest_length).collect()),
+            damping: random(23, springs().map(|spring| spring.damping).collect()),
+            masses: random(24, system.masses().to_vec()),
             gravity: scaled(25, &|_| shortest / (time * time))[0],
             loads: scaled(26, &|p| system.masses()[p] * lengths[p] / (time * time)),
             positions: scaled(27, &|p| lengths[p]),
@@ -125,10 +126,11 @@ impl<'c> Subject<'c> {
         let (system, state) = builder.build()?;
         let forces = change.loads.iter().map(|load| load * h).collect();
         let system = system.with_loads(Loads { forces, ..Loads::default() })?;
-        let moved = DifferentiableRun::new(&system, &state, self.method, self.dt, LENGTH * self.dt)?;
+        let time = LENGTH * self.dt;
+        let moved = DifferentiableRun::with_checkpoints(&system, &state, self.method, self.dt, time, ROOM)?;
         let states: Vec<[&State; 2]> = moved.states().zip(run.states()).map(|(moved, state)| [moved, state]).collect();
         let rise = |cotangent: &Cotangent| {
-            let [moved, state] = states[cotangent.step];
+            let Some([moved, state]) = states.get(cotangent.step) else { return f64::NAN };
             let rise = |weights: &[Vector3<f64>], after: &[Vector3<f64>], before: &[Vector3<f64>]| -> f64 {
                 weights.iter().zip(after).zip(before).map(|((c, after), before)| c.dot(&(after - before))).sum()
             };
@@ -183,27 +185,20 @@ impl<'c> Subject<'c> {
 pub(super) fn remainders(case: &TestCase) -> Measured {
     let (mut curves, mut checks) = (Vec::new(), Vec::new());
     for (method, subject) in subjects(case) {
+        let not_judged = |method: &str, reason: String| {
+            Check::not_judged(Claim::Convergence, format!("Taylor remainder, {method}"), &case.name, reason)
+        };
         let found = subject.and_then(|subject| subject.remainders(subject.slope()?));
         match allowed(found)?.and_then(|found| found) {
             Ok([first, second]) => {
                 curves.push(first);
                 // A remainder that falls faster, because the second derivative vanishes, is no fault.
                 match second.unclear() {
-                    Some(reason) if second.observed() > 2.0 => checks.push(not_judged(
-                        case,
-                        Claim::Convergence,
-                        &format!("Taylor remainder, {}", second.method),
-                        reason,
-                    )),
+                    Some(reason) if second.observed() > 2.0 => checks.push(not_judged(&second.method, reason)),
                     _ => curves.push(second),
                 }
             }
-            Err(reason) => checks.push(not_judged(
-                case,
-                Claim::Convergence,
-                &format!("Taylor remainder, {}", method.name()),
-                reason,
-            )),
+            Err(reason) => checks.push(not_judged(method.name(), reason)),
         }
     }
     let mut orders = order_checks("Taylor remainder", &case.name, "remainder of J", curves);
@@ -216,19 +211,18 @@ pub(super) fn remainders(case: &TestCase) -> Measured {
 pub(super) fn adjoints(case: &TestCase) -> Measured {
     let mut checks = vec![force_adjoint(case)?];
     for (method, subject) in subjects(case) {
-        checks.push(match allowed(subject.and_then(|subject| subject.dot_product()))? {
+        let name = format!("tangent against adjoint, {}", method.name());
+        checks.push(match allowed(subject.and_then(|subject| subject.dot_product(&name)))? {
             Ok(found) => found,
-            Err(reason) => {
-                not_judged(case, Claim::Consistency, &format!("tangent against adjoint, {}", method.name()), reason)
-            }
+            Err(reason) => Check::not_judged(Claim::Consistency, name, &case.name, reason),
         });
     }
     Ok(checks)
 }
 
 impl Subject<'_> {
-    fn dot_product(&self) -> Result<Check> {
-        let Self { case, method, run, .. } = self;
+    fn dot_product(&self, name: &str) -> Result<Check> {
+        let Self { case, run, .. } = self;
         let steps: Vec<usize> = self.cost.iter().map(|cotangent| cotangent.step).collect();
         let changes = run.tangents(std::slice::from_ref(&self.change), &steps)?.swap_remove(0);
         let gradient = run.gradient(&self.cost)?;
@@ -246,14 +240,7 @@ impl Subject<'_> {
         );
         let value = ratio((forward - gradient.dot(&self.change)).abs(), size);
         let bound = 30.0 * U * run.steps() as f64 * condition;
-        Ok(Check::new(
-            Claim::Consistency,
-            format!("tangent against adjoint, {}", method.name()),
-            &case.name,
-            value,
-            bound,
-            why,
-        ))
+        Ok(Check::new(Claim::Consistency, name, &case.name, value, bound, why))
     }
 }
 
@@ -319,10 +306,6 @@ fn magnitude(parameters: &Parameters) -> Parameters {
         positions: vectors(&parameters.positions),
         velocities: vectors(&parameters.velocities),
     }
-}
-
-fn not_judged(case: &TestCase, claim: Claim, name: &str, reason: String) -> Check {
-    Check::not_judged(claim, name, &case.name, reason)
 }
 
 /// What was found, or the reason for a method or a step that reports that it cannot do it.
