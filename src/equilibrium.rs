@@ -27,7 +27,7 @@ pub use load_path::{CriticalKind, CriticalLoad, LoadPath, load_path};
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::{Accuracy, Pencil, ShiftInvert};
 use crate::error::{Error, Invalid, Result, check_length};
-use crate::force::{SpringGeometry, add_elastic_differential, add_elastic_force, add_external_forces, add_weight};
+use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
 use crate::gradient::{Parameters, Point};
 use crate::integrate::Matrices;
 use crate::linear::{Cholesky, Ldlt, dot};
@@ -583,17 +583,15 @@ impl Equilibrium {
         let at_rest = vec![Vector3::zeros(); system.particles()];
         let mut result = Parameters::zeros(system);
         let point = Point { geometry: &geometry, velocities: &at_rest, time: self.state.time };
-        result.add_force_adjoint(system, &point, &full);
+        let [moved, _] = result.add_force_adjoint(system, &point, &full);
         result.masses.iter_mut().for_each(|m| *m *= self.load);
         result.gravity *= self.load;
         result.loads.iter_mut().for_each(|f| *f *= self.load);
-        add_elastic_differential(system, &geometry, &full, &mut result.positions);
         // Held coordinates move f by their stiffness, and J directly.
-        for (p, (total, direct)) in result.positions.iter_mut().zip(positions).enumerate() {
+        for (p, (moved, direct)) in moved.iter().zip(positions).enumerate() {
             let free = dofs.free_axes(p);
-            for axis in 0..3 {
-                total[axis] = if free.contains(axis) { 0.0 } else { total[axis] + direct[axis] };
-            }
+            result.positions[p] =
+                Vector3::from_fn(|axis, _| if free.contains(axis) { 0.0 } else { moved[axis] + direct[axis] });
         }
         Ok(result)
     }

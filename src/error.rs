@@ -57,6 +57,18 @@ pub enum Error {
         /// The available memory, in bytes.
         room: u64,
     },
+    /// A step of a run that is kept to be differentiated broke down.
+    #[error("step {step}, from t = {time} s, broke down: {reason}")]
+    Breakdown {
+        /// The number of the step, from 1.
+        step: usize,
+        /// The time at its start, in s.
+        time: f64,
+        /// The name of the [`Status`](crate::integrate::Status).
+        status: &'static str,
+        /// The failure in words.
+        reason: String,
+    },
     /// A scene that cannot be read or generated.
     #[error("{0}")]
     Scene(String),

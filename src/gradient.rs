@@ -30,13 +30,15 @@ pub use parameters::Parameters;
 pub(crate) use parameters::Point;
 
 use self::jacobian::Jacobian;
-use self::reverse::{Reverse, Snapshot};
+use self::reverse::{Reverse, Snapshot, split};
 use self::tangent::Tangent;
 use crate::error::{Error, Invalid, Result, check_length};
-use crate::force::{SpringGeometry, set_total_force};
+use crate::force::{DegenerateSpring, SpringGeometry, set_total_force};
 use crate::integrate::{BackwardEuler, ImplicitOptions, Method, NewtonOptions, StepFailure, TimeStepper};
-use crate::linear::{SolverChoice, SolverOptions};
+use crate::interrupt::Interrupt;
+use crate::linear::{SolveFailure, SolverChoice, SolverOptions};
 use crate::memory;
+use crate::plan::RunOptions;
 use crate::simulation::Simulation;
 use crate::system::{State, System};
 use nalgebra::Vector3;
@@ -88,7 +90,10 @@ pub struct DifferentiableRun<'s> {
     lengths: Vec<f64>,
     /// All states, or the first and the last.
     records: Vec<Record>,
+    /// Where there is no room for all: the states from which a sweep backwards starts, the first one included.
+    snapshots: Vec<Snapshot>,
     checkpoints: usize,
+    interrupt: Interrupt,
 }
 
 /// The methods that have an adjoint here.
@@ -116,11 +121,9 @@ impl<'s> DifferentiableRun<'s> {
     ///
     /// # Errors
     /// A method without an adjoint; a spring law or forces of the caller's own; steps or a duration that cannot be used; a state of another system; a
-    /// step that breaks down.
+    /// step that [breaks down](Error::Breakdown).
     pub fn new(system: &'s System, state: &State, method: Method, dt: f64, duration: f64) -> Result<Self> {
-        let record = 2 * 72 * system.particles() as u64 + 200;
-        let room = (memory::room() / 2 / record).min(usize::MAX as u64) as usize;
-        Self::with_checkpoints(system, state, method, dt, duration, room)
+        Self::interruptible(system, state, method, [dt, duration], None, Interrupt::NEVER)
     }
 
     /// As [`new`](Self::new), with room for a number of states.
@@ -135,6 +138,26 @@ impl<'s> DifferentiableRun<'s> {
         duration: f64,
         checkpoints: usize,
     ) -> Result<Self> {
+        Self::interruptible(system, state, method, [dt, duration], Some(checkpoints), Interrupt::NEVER)
+    }
+
+    /// As [`new`](Self::new), with room for a number of states or as many as fit; a request to stop ends the run, and later its gradients
+    /// and tangents, at the next step.
+    ///
+    /// # Errors
+    /// As of [`with_checkpoints`](Self::with_checkpoints); [`Error::Breakdown`] with the status `interrupted`.
+    pub fn interruptible(
+        system: &'s System,
+        state: &State,
+        method: Method,
+        [dt, duration]: [f64; 2],
+        checkpoints: Option<usize>,
+        interrupt: Interrupt,
+    ) -> Result<Self> {
+        let checkpoints = checkpoints.unwrap_or_else(|| {
+            let record = 2 * 72 * system.particles() as u64 + 200;
+            (memory::room() / 2 / record).min(usize::MAX as u64) as usize
+        });
         let scheme = match method {
             Method::BackwardEuler => Scheme::BackwardEuler,
             Method::ImplicitMidpoint => Scheme::ImplicitMidpoint,
@@ -174,11 +197,20 @@ impl<'s> DifferentiableRun<'s> {
         if let Some(last) = lengths.last_mut() {
             *last = duration - dt * (count - 1) as f64;
         }
-        let mut run = Self { system, scheme, lengths, records: Vec::new(), checkpoints };
+        let mut run =
+            Self { system, scheme, lengths, records: Vec::new(), snapshots: Vec::new(), checkpoints, interrupt };
         let mut forward = Forward::new(&run, state)?;
         let keeps_all = count < checkpoints;
         run.records.push(forward.here.clone());
+        let mut next = 0;
         for step in 0..count {
+            if !keeps_all && step == next {
+                let Forward { here, before, .. } = &forward;
+                // Only BDF2 uses the state before.
+                let before = before.clone().filter(|_| scheme == Scheme::Bdf2);
+                run.snapshots.push(Snapshot { step, here: here.clone(), before });
+                next += split(count - step, checkpoints + 1 - run.snapshots.len());
+            }
             forward.step(&run, step)?;
             if keeps_all {
                 run.records.push(forward.here.clone());
@@ -219,7 +251,9 @@ impl<'s> DifferentiableRun<'s> {
             Scheme::Verlet => Method::Verlet,
         };
         let duration = self.lengths.iter().sum();
-        let run = Simulation::new(self.system, first.state.clone()).method(method).dt(dt).run(duration)?;
+        let options = RunOptions { interrupt: self.interrupt, ..RunOptions::default() };
+        let run = Simulation::new(self.system, first.state.clone()).options(options).method(method).dt(dt);
+        let run = run.run(duration)?;
         Ok(run.predictable_until)
     }
 
@@ -237,7 +271,6 @@ impl<'s> DifferentiableRun<'s> {
             check_length("cotangent.velocities", cotangent.velocities.len(), self.system.particles())?;
         }
         let mut reverse = Reverse::new(self, cotangents)?;
-        let first = Snapshot { step: 0, here: self.records[0].clone(), before: None };
         reverse.add_cotangents(self.steps());
         if self.records.len() == self.steps() + 1 {
             for step in (0..self.steps()).rev() {
@@ -245,7 +278,11 @@ impl<'s> DifferentiableRun<'s> {
                 reverse.step(step, before, &self.records[step], &self.records[step + 1])?;
             }
         } else {
-            reverse.sweep(&first, self.steps(), self.checkpoints)?;
+            let mut end = self.steps();
+            for (taken, snapshot) in self.snapshots.iter().enumerate().rev() {
+                reverse.sweep(snapshot, end, self.checkpoints - taken)?;
+                end = snapshot.step;
+            }
         }
         reverse.finish(&self.records[0])
     }
@@ -321,6 +358,11 @@ impl<'s> DifferentiableRun<'s> {
         Ok(found)
     }
 
+    fn check_interrupt(&self, step: usize, time: f64) -> Result<()> {
+        let stop = || broken(step, time, &SolveFailure::Interrupted.into());
+        if self.interrupt.is_requested() { Err(stop()) } else { Ok(()) }
+    }
+
     /// The time step of a core, and β of BDF2, where a step begins.
     fn core(&self, step: usize) -> [f64; 2] {
         let h = self.lengths[step];
@@ -358,6 +400,8 @@ impl<'s> DifferentiableRun<'s> {
         if self.scheme == Scheme::ImplicitMidpoint {
             solved.time = base.time + tau;
             solved.positions.iter_mut().zip(&here.positions).for_each(|(x, before)| *x = (*x + before) * 0.5);
+            // A path may have a corner within the step.
+            solved.prescribe(self.system);
         }
         for ((v, x), base) in solved.velocities.iter_mut().zip(&solved.positions).zip(&base.positions) {
             *v = (x - base) / tau;
@@ -393,6 +437,7 @@ impl<'s> Forward<'s> {
     fn step(&mut self, run: &DifferentiableRun<'s>, step: usize) -> Result<()> {
         let (system, h) = (run.system, run.lengths[step]);
         let here = &self.here;
+        run.check_interrupt(step, here.state.time)?;
         let mut next = here.clone();
         match &mut self.stepper {
             None => {
@@ -408,7 +453,8 @@ impl<'s> Forward<'s> {
                     }
                 }
                 predicted.prescribe(system);
-                next.acceleration = accelerations(system, &predicted)?;
+                let degenerate = |spring: DegenerateSpring| broken(step, here.state.time, &spring.into());
+                next.acceleration = accelerations(system, &predicted).map_err(degenerate)?;
                 next.state = predicted;
                 for (p, v) in velocities.iter().enumerate() {
                     for axis in free(p).iter() {
@@ -443,11 +489,11 @@ impl<'s> Forward<'s> {
 }
 
 fn broken(step: usize, time: f64, failure: &StepFailure) -> Error {
-    Error::Unsupported(format!("step {}, from t = {time} s, broke down: {failure}", step + 1))
+    Error::Breakdown { step: step + 1, time, status: failure.status().name(), reason: failure.to_string() }
 }
 
 /// M⁻¹ F of free coordinates.
-fn accelerations(system: &System, state: &State) -> Result<Vec<Vector3<f64>>> {
+fn accelerations(system: &System, state: &State) -> Result<Vec<Vector3<f64>>, DegenerateSpring> {
     let mut force = vec![Vector3::zeros(); system.particles()];
     set_total_force(system, &state.moment(), &mut force)?;
     for (p, (f, mass)) in force.iter_mut().zip(system.masses()).enumerate() {

@@ -1,12 +1,14 @@
 //! The library's errors as Python's.
 
-use pyo3::PyErr;
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyValueError};
+use pyo3::types::PyAnyMethods;
+use pyo3::{PyErr, Python};
 use sprung::Error;
 use sprung::error::Invalid;
 use std::io::ErrorKind;
 
-/// `OSError` (of the kind that the system's number says) for files, `MemoryError` for what does not fit, `ValueError` for all else.
+/// `OSError` (of the kind that the system's number says) for files, `MemoryError` for what does not fit, `Breakdown` for a step that broke
+/// down, `ValueError` for all else.
 pub fn raised(error: Error) -> PyErr {
     match error {
         Error::Io { path, source } if source.kind() != ErrorKind::InvalidData => match source.raw_os_error() {
@@ -17,6 +19,10 @@ pub fn raised(error: Error) -> PyErr {
             }
             None => PyOSError::new_err(format!("{}: {source}", path.display())),
         },
+        Error::Breakdown { status, .. } => Python::attach(|py| {
+            let made = py.import("sprung._errors").and_then(|errors| errors.call_method1("Breakdown", (error.to_string(), status)));
+            made.map_or_else(|raised| raised, PyErr::from_value)
+        }),
         Error::TooLarge { .. } => PyMemoryError::new_err(error.to_string()),
         other => PyValueError::new_err(other.to_string()),
     }

@@ -83,9 +83,8 @@ pub fn differentiable_run(
     let flag = Flag::new();
     let system = system.bound(py, &flag);
     let made = compute(py, &flag, || {
-        Kept::try_new(system, |system| match checkpoints {
-            Some(room) => DifferentiableRun::with_checkpoints(system, &start, method, dt, duration, room),
-            None => DifferentiableRun::new(system, &start, method, dt, duration),
+        Kept::try_new(system, |system| {
+            DifferentiableRun::interruptible(system, &start, method, [dt, duration], checkpoints, flag.interrupt())
         })
     })?;
     Ok(Differentiable { kept: made.map_err(raised)?, flag })

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import sprung
@@ -190,3 +193,162 @@ def test_motions_show_in_notebooks(tmp_path):
     adaptive = sprung.Stepper(system).run(0.1, rtol=1e-3).to_html()
     assert "steps by rtol 0.001" in adaptive and "dt =" not in adaptive
     assert "iframe" in system._repr_html_()
+
+
+def quartic(n: int, scale: float = 1.0, seed: int = 0):
+    """A function of coupled coordinates with its gradient and minus its Hessian, at a point."""
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(n, n)) / n
+    x = rng.uniform(1, 2, n) * scale
+
+    def f(x):
+        y = A @ (x / scale)
+        return np.sum(y**4) + np.sum((x / scale) ** 3)
+
+    def gradient(x):
+        return (A.T @ (4 * (A @ (x / scale)) ** 3) + 3 * (x / scale) ** 2) / scale
+
+    def K(x):
+        return -(A.T @ np.diag(12 * (A @ (x / scale)) ** 2) @ A + np.diag(6 * x / scale)) / scale**2
+
+    return f, gradient, K, x
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("seed", range(4))
+def test_right_gradients_pass_at_any_scale(scale, seed):
+    f, gradient, K, x = quartic(9, scale, seed)
+    check = sprung.check_gradient(f, gradient, x, seed=seed)
+    assert check and check.passed and check.worst == [] and len(check.orders) == 3
+    assert all(abs(first - 1) < 0.05 and second > 1.8 for first, second in check.orders)
+    assert all(table.shape == (5, 3) for table in check.remainders)
+    assert "second order" in check.verdict and "orders 1.00 without and 2.0" in str(check)
+    # An offset of the function costs digits, not the verdict.
+    assert sprung.check_gradient(lambda x: f(x) + 1e6, gradient, x)
+    assert sprung.check_hessian(f, lambda x: -gradient(x), K, x)
+
+
+@pytest.mark.parametrize("factor", [-1.0, 0.0, 1.01, 1.0001, 3.0])
+def test_wrong_gradients_are_named(factor):
+    f, gradient, _, x = quartic(12)
+    wrong = gradient(x)
+    wrong[5] *= factor
+    check = sprung.check_gradient(f, wrong, x)
+    verdict = {-1.0: "sign flipped", 0.0: "missing", 1.01: "1 % too large", 1.0001: "0.01 % too large", 3.0: "3.000 times too large"}
+    assert not check and len(check.worst) == 1 and (check.worst[0].row, check.worst[0].verdict) == (5, verdict[factor])
+    assert "entry 5:" in str(check) and "not 2" in check.verdict
+    assert sprung.check_gradient(f, -gradient(x), x).verdict == "sign flipped"
+    assert sprung.check_gradient(f, 2 * gradient(x), x).verdict == "off by the factor 2"
+
+
+def test_gradients_of_special_functions():
+    x = np.linspace(1, 2, 5)
+    # Of a linear function there is nothing but rounding, and a wrong slope shows nevertheless.
+    weights = np.arange(5.0)
+    check = sprung.check_gradient(lambda x: weights @ x, weights, x)
+    assert check and "rounding" in check.verdict
+    assert not sprung.check_gradient(lambda x: weights @ x, 1.001 * weights, x)
+    noise = np.random.default_rng(0)
+    lost = sprung.check_gradient(lambda x: np.sum(x) + noise.normal(), np.ones(5), x)
+    assert not lost and "cannot be measured" in lost.verdict
+    # A constant, a cubic without a second derivative, single precision, a shape, and a domain that ends nearby.
+    assert sprung.check_gradient(lambda x: 7.0, np.zeros(5), x)
+    assert sprung.check_gradient(lambda x: np.sum(x**3), np.zeros(5), np.zeros(5))
+    for kind in (np.float32, lambda x: np.float64(np.float32(x))):
+        single = lambda x: kind(np.sum(np.asarray(x, dtype=np.float32) ** 2))
+        assert sprung.check_gradient(single, 2 * x, x)
+        assert not sprung.check_gradient(single, 2.2 * x, x)
+    grid = np.ones((2, 3)) + np.arange(6).reshape(2, 3)
+    assert sprung.check_gradient(lambda x: np.sum(x**2), lambda x: (2 * x).ravel(), grid)
+    with np.errstate(invalid="ignore"):
+        assert sprung.check_gradient(lambda x: np.sum(np.sqrt(x)), lambda x: 0.5 / np.sqrt(x), np.array([1e-3, 1.0, 2.0]))
+    mixed = np.array([1e-6, 1e3])
+    assert sprung.check_gradient(lambda x: (x[0] * 1e6) ** 3 + (x[1] / 1e3) ** 3, [3e6, 3e-3], mixed, length=mixed)
+    assert not sprung.check_gradient(lambda x: (x[0] * 1e6) ** 3 + (x[1] / 1e3) ** 3, [3.03e6, 3e-3], mixed, length=mixed)
+
+
+def test_hessians_are_checked_three_times():
+    f, gradient, K, x = quartic(6)
+    force = lambda x: -gradient(x)
+    check = sprung.check_hessian(f, force, K, x)
+    assert check and check.asymmetry < 1e-14 and check.worst == []
+    assert check.verdict == "the force is minus the gradient of energy; K is the Jacobian of the force; K is symmetric"
+    for wrong in (lambda: sprung.check_hessian(f, gradient, K, x), lambda: sprung.check_hessian(f, force, lambda x: -K(x), x)):
+        assert not wrong()
+    skewed = K(x)
+    skewed[1, 4] *= 1.01
+    found = sprung.check_hessian(f, force, sparse.csc_array(skewed), x)
+    assert not found and found.gradient and not found.jacobian and (found.worst[0].row, found.worst[0].column) == (1, 4)
+    assert "K is not symmetric" in str(found) and "not the mirror image" in str(found)
+
+
+def test_adjoints_are_checked_by_dot_products():
+    rng = np.random.default_rng(1)
+    T = rng.normal(size=(4, 6))
+    right = sprung.check_adjoint(lambda x: T @ x.ravel(), lambda y: (T.T @ y).reshape(2, 3), (2, 3), 4)
+    assert right and right.value <= right.bound < 1e-12 and "agrees" in str(right)
+    wrong = T.T.copy()
+    wrong[2, 1] *= -1
+    found = sprung.check_adjoint(lambda x: T @ x, lambda y: wrong @ y, 6, 4)
+    assert not found and [(e.row, e.column, e.verdict) for e in found.worst] == [(2, 1, "sign flipped")]
+    square = rng.normal(size=(5, 5))
+    assert not sprung.check_adjoint(lambda x: square @ x, lambda y: square @ y, 5, 5)
+    assert not sprung.check_adjoint(lambda x: square @ x, lambda y: 1.0000001 * square.T @ y, 5, 5)
+    assert "tangent is not linear" in sprung.check_adjoint(lambda x: square @ x + 1, lambda y: square.T @ y, 5, 5).verdict
+    assert sprung.check_adjoint(lambda x: np.zeros(2), lambda y: np.zeros(3), 3, 2)
+
+
+def test_a_run_is_the_adjoint_of_its_tangent():
+    system = tangle(constraints=[sprung.Constraint(0)])
+    run = sprung.Stepper(system, method="implicit-midpoint").run(0.02, dt=0.005, differentiable=True)
+    count = len(system.pairs)
+    assert sprung.check_adjoint(
+        lambda k: run.tangent(stiffness=k)[0][0], lambda x: run.gradient(x, check=False).stiffness, count, (40, 3), samples=2
+    )
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: sprung.check_gradient(1.0, [1.0], [1.0]), TypeError, "f = float: must be callable"),
+        (lambda: sprung.check_gradient(np.sum, [1.0], []), ValueError, "at least one coordinate"),
+        (lambda: sprung.check_gradient(np.sum, [1.0, 2.0], [1.0]), ValueError, r"grad = an array of shape \(2,\): must have shape \(1,\)"),
+        (lambda: sprung.check_gradient(np.sum, [np.nan], [1.0]), ValueError, r"grad\[0\] = nan: must be finite"),
+        (lambda: sprung.check_gradient(np.sum, [1.0], [np.inf]), ValueError, r"x\[0\] = inf"),
+        (lambda: sprung.check_gradient(np.sum, [1.0], ["a"]), ValueError, "x = an array of"),
+        (lambda: sprung.check_gradient(np.copy, [1.0, 1.0], [1.0, 2.0]), ValueError, "must be one real number"),
+        (lambda: sprung.check_gradient(lambda x: 1j, [1.0], [1.0]), ValueError, "must be one real number"),
+        (lambda: sprung.check_gradient(lambda x: np.nan, [1.0], [1.0]), ValueError, r"f\(x\) = nan: must be finite"),
+        (lambda: sprung.check_gradient(np.sum, [1.0], [1.0], directions=0), ValueError, "directions = 0"),
+        (lambda: sprung.check_gradient(np.sum, [1.0], [1.0], length=-1.0), ValueError, "length = -1.0: must be positive"),
+        (lambda: sprung.check_hessian(np.sum, None, np.eye(1), [1.0]), TypeError, "force = NoneType"),
+        (lambda: sprung.check_hessian(np.sum, np.negative, np.eye(2), [1.0]), ValueError, "must be 1 × 1"),
+        (lambda: sprung.check_adjoint(np.copy, 3, 2, 2), TypeError, "adjoint = int"),
+        (lambda: sprung.check_adjoint(np.copy, np.copy, 2, 3), ValueError, r"tangent\(…\) = an array of shape \(2,\): must have shape \(3,\)"),
+        (lambda: sprung.check_adjoint(np.copy, np.copy, 2.5, 2), ValueError, "x_shape = 2.5"),
+        (lambda: sprung.check_adjoint(np.copy, np.copy, 2, 2, samples=True), ValueError, "samples = True"),
+    ],
+)
+def test_wrong_arguments_of_checks(call, error, message):
+    with pytest.raises(error, match=message):
+        call()
+
+
+def test_the_plugin_asserts(tmp_path):
+    """In a process of its own: fixtures are there, fail with the report, and nothing heavy is imported before they are called."""
+    (tmp_path / "test_mine.py").write_text(
+        "import sys\n"
+        "def test_light():\n"
+        "    assert 'sprung_pytest' in sys.modules and 'sprung' not in sys.modules and 'numpy' not in sys.modules\n"
+        "def test_right(assert_gradient, assert_jacobian, assert_hessian, assert_adjoint):\n"
+        "    assert assert_gradient(lambda x: (x**2).sum(), [2.0, 4.0], [1.0, 2.0]).passed\n"
+        "    assert_jacobian(lambda x: x**2, [[2.0, 0.0], [0.0, 4.0]], [1.0, 2.0])\n"
+        "    assert_hessian(lambda x: (x**2).sum(), lambda x: -2 * x, [[-2.0, 0.0], [0.0, -2.0]], [1.0, 2.0])\n"
+        "    assert_adjoint(lambda x: 2 * x, lambda y: 2 * y, 2, 2)\n"
+        "def test_wrong(assert_gradient):\n"
+        "    assert_gradient(lambda x: (x**2).sum(), [2.0, -4.0], [1.0, 2.0])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)], capture_output=True, text=True, timeout=120, cwd=tmp_path
+    )
+    assert "1 failed, 2 passed" in done.stdout and "entry 1: -4, measured 4: sign flipped" in done.stdout, done.stdout

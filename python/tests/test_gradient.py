@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+import threading
+import time
 import warnings
 
 import numpy as np
@@ -219,7 +222,7 @@ def test_moving_constraints(method):
     weights = np.random.default_rng(7).normal(size=(6, 3))
 
     def run(**changes):
-        constraints = [sprung.Constraint(0, velocity=[0.2, 0, 0.5]), sprung.Constraint(5, axes="z", path=([0, 0.1, 1], [[0, 0, 0], [0, 0, 0.1], [0, 0, 0]]))]
+        constraints = [sprung.Constraint(0, velocity=[0.2, 0, 0.5]), sprung.Constraint(5, axes="z", path=([0, 0.11, 1], [[0, 0, 0], [0, 0, 0.1], [0, 0, 0]]))]
         return sprung.Stepper(system_of({**arguments, **changes}, constraints=constraints), method=method).run(T, dt=DT, differentiable=True)
 
     gradient = run().gradient(weights, check=False)
@@ -291,3 +294,48 @@ def test_chaos_is_told():
         warnings.simplefilter("error")
         long.gradient(weights, check=False)
     assert repr(long) == "<DifferentiableRun of 1000 steps to t = 10 s>"
+
+
+def test_a_step_that_breaks_down():
+    """Explicit steps far beyond stability overflow, and a spring that comes to length zero has no direction."""
+    arguments = given(damping=0.0)
+    stepper = sprung.Stepper(system_of({**arguments, "stiffness": 1e6 * np.ones(10)}), method="verlet")
+    start = stepper.state.positions.copy()
+    with pytest.raises(sprung.Breakdown, match=r"step \d+, from t = .*broke down") as raised:
+        stepper.run(100.0, dt=1.0, differentiable=True)
+    assert raised.value.status == "non-finite" and raised.value.result is None
+    np.testing.assert_array_equal(stepper.state.positions, start)
+    meet = sprung.System([[0.0], [1.0]], [[0, 1]], masses=1.0, stiffness=1.0, rest_lengths=1.0, velocities=[[0.5], [-0.5]])
+    with pytest.raises(sprung.Breakdown) as raised:
+        sprung.Stepper(meet, method="verlet").run(3.0, dt=1.0, differentiable=True)
+    assert raised.value.status == "degenerate-spring"
+
+
+def interrupted(task):
+    """Sends Ctrl-C to this process while the task computes; says how long the task went on."""
+    # In the background shells start programs that ignore it.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    timer = threading.Timer(0.3, lambda: signal.pthread_kill(threading.main_thread().ident, signal.SIGINT))
+    timer.start()
+    begun = time.monotonic()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            task()
+    finally:
+        timer.join()
+        signal.signal(signal.SIGINT, before)
+    return time.monotonic() - begun
+
+
+@pytest.mark.filterwarnings("ignore::sprung.DoubtWarning")
+def test_ctrl_c_ends_runs_gradients_and_tangents():
+    system = sprung.System.ready("cloth", 12)
+    stepper = sprung.Stepper(system, method="verlet")
+    assert interrupted(lambda: stepper.run(100.0, dt=1e-4, differentiable=True, checkpoints=3)) < 10
+    assert stepper.state.time == 0
+    run = stepper.run(2.0, dt=1e-4, differentiable=True, checkpoints=3)
+    weights = np.ones(run.state.positions.shape)
+    assert interrupted(lambda: run.gradient(weights, check=False)) < 10
+    # The run is as good as before.
+    short = stepper.run(0.01, dt=1e-4, differentiable=True)
+    assert short.gradient(weights, check=False).positions.shape == weights.shape

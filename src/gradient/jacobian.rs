@@ -1,5 +1,6 @@
 //! The exact Jacobian of a core step, and solves with it.
 
+use super::parameters::turning_adjoint;
 use crate::assembly::SymmetricMatrix;
 use crate::error::{Error, Result};
 use crate::force::{SpringGeometry, add_damping_differential, add_damping_product, add_elastic_differential};
@@ -62,21 +63,12 @@ impl<'s> Jacobian<'s> {
             return result;
         }
         for ((_, [i, j], spring), at) in self.geometry.springs(self.system) {
-            if spring.damping > 0.0 && at.length > 0.0 {
-                let (n, v, u) = (at.direction, self.velocities[i] - self.velocities[j], u[i] - u[j]);
-                let across = |w: Vector3<f64>| (w - n * n.dot(&w)) / at.length;
-                let change = -(across(u) * n.dot(&v) + across(v) * n.dot(&u)) * spring.damping;
+            if spring.damping > 0.0 {
+                let change = turning_adjoint(spring, at, &(self.velocities[i] - self.velocities[j]), &(u[i] - u[j]));
                 result[i] += change;
                 result[j] -= change;
             }
         }
-        result
-    }
-
-    /// `(K + D)ᵀ u` on all particles.
-    pub(super) fn stiffness_adjoint(&self, u: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-        let mut result = self.turned(u, true);
-        add_elastic_differential(self.system, &self.geometry, u, &mut result);
         result
     }
 

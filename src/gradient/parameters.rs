@@ -1,6 +1,7 @@
 //! The parameters of a scene by which runs and equilibria are differentiated, and the derivatives of forces by them.
 
 use crate::force::SpringGeometry;
+use crate::spring::{Extension, Spring, Stiffness};
 use crate::system::System;
 use nalgebra::Vector3;
 
@@ -55,16 +56,35 @@ impl Parameters {
             + vectors(&self.velocities, &other.velocities)
     }
 
-    /// Adds `(∂F/∂p)ᵀ λ` at a configuration, with relative velocities of w.
-    pub(crate) fn add_force_adjoint(&mut self, system: &System, at: &Point<'_>, adjoint: &[Vector3<f64>]) {
+    /// Adds `(∂F/∂p)ᵀ λ` at a configuration, with relative velocities of w; gives `(K + D)ᵀ λ` and `Gᵀ λ`.
+    pub(crate) fn add_force_adjoint(
+        &mut self,
+        system: &System,
+        at: &Point<'_>,
+        adjoint: &[Vector3<f64>],
+    ) -> [Vec<Vector3<f64>>; 2] {
+        let [mut moved, mut damped] = [0; 2].map(|_| vec![Vector3::zeros(); adjoint.len()]);
         for ((number, [i, j], spring), extension) in at.geometry.springs(system) {
-            let along = extension.direction.dot(&(adjoint[i] - adjoint[j]));
-            let rate = extension.direction.dot(&(at.velocities[i] - at.velocities[j]));
+            let (u, v) = (adjoint[i] - adjoint[j], at.velocities[i] - at.velocities[j]);
+            let [along, rate] = [u, v].map(|w| extension.direction.dot(&w));
             self.stiffness[number] -= spring.strain(extension) * along;
             self.damping[number] -= rate * along;
             if spring.rest_length > 0.0 {
                 self.rest_lengths[number] += spring.stiffness * extension.length / spring.rest_length.powi(2) * along;
             }
+            let mut change = -spring.stiffness_block(extension, Stiffness::Full).apply(&u);
+            if spring.damping > 0.0 {
+                change += turning_adjoint(spring, extension, &v, &u);
+                let force = spring.damping_force(extension, &u);
+                damped[i] += force;
+                damped[j] -= force;
+            }
+            moved[i] += change;
+            moved[j] -= change;
+        }
+        for (p, derivatives) in at.geometry.external().iter().enumerate() {
+            moved[p] += derivatives.stiffness * adjoint[p];
+            damped[p] += derivatives.damping * adjoint[p];
         }
         let gravity = gravity(system, at.time);
         for (p, u) in adjoint.iter().enumerate() {
@@ -72,6 +92,7 @@ impl Parameters {
             self.gravity += u * system.masses()[p];
             self.loads[p] += u;
         }
+        [moved, damped]
     }
 
     /// Adds `∂F/∂p δp` at a configuration, for a change δp of the parameters.
@@ -91,6 +112,16 @@ impl Parameters {
             *f += gravity * self.masses[p] + self.gravity * system.masses()[p] + self.loads[p];
         }
     }
+}
+
+/// `Dᵀ u` of one spring, on its end i: `−b ((nᵀv) P u + P v (nᵀu))` with `P = (I − nnᵀ)/l`.
+pub(super) fn turning_adjoint(spring: &Spring, at: &Extension, v: &Vector3<f64>, u: &Vector3<f64>) -> Vector3<f64> {
+    if at.length == 0.0 {
+        return Vector3::zeros();
+    }
+    let n = &at.direction;
+    let across = |w: &Vector3<f64>| (w - n * n.dot(w)) / at.length;
+    (across(u) * n.dot(v) + across(v) * n.dot(u)) * -spring.damping
 }
 
 fn gravity(system: &System, time: f64) -> Vector3<f64> {

@@ -7,6 +7,7 @@ use crate::system::State;
 use nalgebra::Vector3;
 
 /// A state from which others can be computed again.
+#[derive(Debug, Clone)]
 pub(super) struct Snapshot {
     pub(super) step: usize,
     pub(super) here: Record,
@@ -55,7 +56,8 @@ impl<'r, 's> Reverse<'r, 's> {
         let count = end - from.step;
         let (here, before) = (from.here.clone(), from.before.clone());
         (self.forward.here, self.forward.before) = (here, before);
-        if count <= room.max(1) {
+        let next = split(count, room);
+        if next == count {
             let mut records = vec![from.here.clone()];
             for step in from.step..end {
                 self.forward.step(self.run, step)?;
@@ -67,7 +69,7 @@ impl<'r, 's> Reverse<'r, 's> {
             }
             return Ok(());
         }
-        let middle = from.step + split(count, room);
+        let middle = from.step + next;
         for step in from.step..middle {
             self.forward.step(self.run, step)?;
         }
@@ -78,6 +80,7 @@ impl<'r, 's> Reverse<'r, 's> {
 
     /// One step backwards.
     pub(super) fn step(&mut self, step: usize, before: Option<&Record>, here: &Record, next: &Record) -> Result<()> {
+        self.run.check_interrupt(step, here.state.time)?;
         if self.run.scheme == Scheme::Verlet {
             self.verlet(step, here, next)?
         } else {
@@ -106,8 +109,7 @@ impl<'r, 's> Reverse<'r, 's> {
         dofs.gather(&full, &mut right);
         let solution = jacobian.solve(&right, true)?;
         let adjoint = jacobian.full(&solution);
-        let (damped, moved) = (jacobian.damping(&adjoint), jacobian.stiffness_adjoint(&adjoint));
-        result.add_force_adjoint(
+        let [moved, damped] = result.add_force_adjoint(
             system,
             &Point { geometry: &jacobian.geometry, velocities: &solved.velocities, time: solved.time },
             &adjoint,
@@ -182,7 +184,7 @@ impl<'r, 's> Reverse<'r, 's> {
             Vector3::from_fn(|axis, _| if free(p, axis) { a[axis] / system.masses()[p] } else { 0.0 })
         };
         let adjoint: Vec<_> = cotangent.iter().enumerate().map(scaled).collect();
-        result.add_force_adjoint(
+        let changes = result.add_force_adjoint(
             system,
             &Point { geometry: &jacobian.geometry, velocities: &at.velocities, time: at.time },
             &adjoint,
@@ -190,7 +192,7 @@ impl<'r, 's> Reverse<'r, 's> {
         for ((mass, u), a) in result.masses.iter_mut().zip(&adjoint).zip(acceleration) {
             *mass -= u.dot(a);
         }
-        Ok([jacobian.stiffness_adjoint(&adjoint), jacobian.damping(&adjoint)])
+        Ok(changes)
     }
 
     pub(super) fn finish(mut self, first: &Record) -> Result<Parameters> {
@@ -211,8 +213,11 @@ impl<'r, 's> Reverse<'r, 's> {
 }
 
 /// Where a sweep over `count` steps with room for some states sets its next checkpoint: so that with r passes over each step the rest, of at most
-/// `C(room − 1 + r, r)` steps, needs one state less.
-fn split(count: usize, room: usize) -> usize {
+/// `C(room − 1 + r, r)` steps, needs one state less. At the end where all states have room.
+pub(super) fn split(count: usize, room: usize) -> usize {
+    if count <= room.max(1) {
+        return count;
+    }
     let reaches =
         |room: usize, passes: usize| (1..=passes).fold(1.0, |product: f64, k| product * (room + k) as f64 / k as f64);
     let passes = (1..).find(|&passes| reaches(room, passes) >= count as f64).unwrap_or(1);

@@ -80,6 +80,7 @@ impl<'r, 's> Tangent<'r, 's> {
         jacobian: &mut Jacobian<'s>,
         is_first: bool,
     ) -> Result<()> {
+        self.run.check_interrupt(step, here.state.time)?;
         let (system, h) = (self.run.system, self.run.lengths[step]);
         let particles = system.particles();
         let is_free = |p: usize, axis: usize| system.dofs().free_axes(p).contains(axis);

@@ -56,7 +56,7 @@ impl ErrorCurve {
 
     /// The reason why the curve says nothing of the order, if there is one: errors do not fall with one power yet, or with a higher one
     /// than that of the leading term, which then vanishes.
-    fn unclear(&self) -> Option<String> {
+    pub(super) fn unclear(&self) -> Option<String> {
         let [.., before, last] = self.slopes()[..] else { return None };
         let order = f64::from(self.order);
         if (last - order).abs() <= TOLERANCE {

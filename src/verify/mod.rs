@@ -20,6 +20,7 @@ mod error_estimates;
 mod fixtures;
 mod force_error;
 mod free_coordinates;
+mod gradients;
 mod jacobian;
 mod limits;
 mod momentum;

@@ -4,8 +4,8 @@ use super::check::{Measured, Unfinished};
 use super::limits::{of_estimates, of_springs, of_steps};
 use super::{Check, Claim, Results, TestCase};
 use super::{
-    consistency, convergence, definiteness, derivatives, energy_balance, error_estimates, momentum, prescribed_motion,
-    products, refusals, runs, solvers, step_equations,
+    consistency, convergence, definiteness, derivatives, energy_balance, error_estimates, gradients, momentum,
+    prescribed_motion, products, refusals, runs, solvers, step_equations,
 };
 
 type Condition = fn(&TestCase) -> bool;
@@ -55,6 +55,7 @@ pub const FAMILIES: &[Family] = &[
     family(Claim::Jacobian, "dropped_terms", has_active_springs, of_springs, derivatives::dropped_terms),
     family(Claim::Consistency, "derivatives", has_active_springs, of_springs, derivatives::consistency),
     family(Claim::Consistency, "work_energy", has_springs, of_springs, consistency::work_energy),
+    family(Claim::Consistency, "adjoints", has_equations, of_steps, gradients::adjoints),
     family(Claim::Assembly, "assembly", can_move, of_steps, products::assembly),
     family(Claim::Solvers, "solvers", can_move, of_steps, solvers::measure),
     family(Claim::Solvers, "linear_steps", can_move, of_steps, step_equations::linear),
@@ -65,6 +66,7 @@ pub const FAMILIES: &[Family] = &[
     family(Claim::Definiteness, "on_demand", definiteness::is_affordable, of_steps, definiteness::on_demand),
     family(Claim::Definiteness, "inertia", definiteness::is_small, of_steps, definiteness::inertia),
     family(Claim::Convergence, "order", convergence::is_soft, of_steps, convergence::measure),
+    family(Claim::Convergence, "remainders", has_equations, of_steps, gradients::remainders),
     family(Claim::Conservation, "linear_momentum", momentum::has_free_translation, of_steps, momentum::linear),
     family(Claim::Conservation, "angular_momentum", momentum::has_free_rotation, of_steps, momentum::angular),
     family(Claim::Conservation, "rigid_motion", has_springs_that_move, of_springs, products::rigid_motion),

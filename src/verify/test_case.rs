@@ -125,7 +125,7 @@ impl TestCase {
     }
 
     /// A description that builds the same system and state.
-    fn description(&self) -> SystemBuilder {
+    pub(super) fn description(&self) -> SystemBuilder {
         let Self { system, state, .. } = self;
         let prescribed = system.prescribed();
         let mut positions = state.positions.clone();

@@ -7,9 +7,10 @@ use std::path::Path;
 use std::process::Command;
 
 /// Pages of the repository that the guide shows too: the page of the guide, and its source.
-const PAGES: [(&str, &str); 10] = [
+const PAGES: [(&str, &str); 11] = [
     ("reference/verification.md", "verification/README.md"),
     ("reference/study.md", "verification/study.md"),
+    ("reference/derivative-checks.md", "verification/derivative-checks.md"),
     ("reference/accuracy.md", "verification/accuracy.md"),
     ("reference/motion.md", "verification/motion.md"),
     ("reference/robustness.md", "docs/robustness.md"),

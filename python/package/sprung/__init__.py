@@ -18,6 +18,7 @@ SI units everywhere; particles and springs are numbered from 0. ``K = df_elastic
 negative (semidefinite) where the system is stable.
 """
 
+from ._checks import AdjointCheck, GradientCheck, HessianCheck, check_adjoint, check_gradient, check_hessian
 from ._constraint import Constraint
 from ._errors import Breakdown, DoubtWarning
 from ._fit import Fit, fit
@@ -35,6 +36,7 @@ from ._system import System
 from ._verify import Verification, verify
 
 __all__ = [
+    "AdjointCheck",
     "Breakdown",
     "Constraint",
     "DifferentiableRun",
@@ -46,6 +48,8 @@ __all__ = [
     "Factor",
     "Fit",
     "Gradient",
+    "GradientCheck",
+    "HessianCheck",
     "Inspection",
     "JacobianCheck",
     "Matrices",
@@ -58,6 +62,9 @@ __all__ = [
     "System",
     "Verification",
     "__version__",
+    "check_adjoint",
+    "check_gradient",
+    "check_hessian",
     "check_jacobian",
     "equilibrium",
     "fit",

@@ -17,7 +17,7 @@ class Breakdown(RuntimeError):
         ``"indefinite"``, ``"not-converged"``, ``"non-finite"``, ``"degenerate-spring"`` or ``"unstable"`` (energy
         appeared without cause).
     result : Result or None
-        The run up to the last good state, which is also that of the stepper. ``None`` for a single step.
+        The run up to the last good state, which is also that of the stepper. ``None`` for a single step and a differentiable run.
     """
 
     def __init__(self, message: str, status: str, result: Result | None = None) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays
 from ._arrays import Floats
+from ._errors import Breakdown
 from ._gradient import DifferentiableRun
 from ._state import State
 from ._statics import equilibrium
@@ -312,7 +313,7 @@ def fit(
     def difference(values: Floats) -> Floats:
         try:
             return (model.output(run(values)) - measured)[is_known]
-        except ValueError:
+        except (ValueError, Breakdown):
             if known["at"] is None:
                 raise
             # The search goes back and takes a shorter step.

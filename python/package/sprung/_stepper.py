@@ -145,11 +145,12 @@ class Stepper:
         Raises
         ------
         Breakdown
-            If the run breaks down; ``result`` contains the motion before, and the stepper has the last good state.
+            If the run breaks down; ``result`` contains the motion before, and the stepper has the last good state. With
+            ``differentiable`` there is no ``result``, and the stepper keeps its state.
         ValueError
-            For wrong arguments; with ``differentiable`` also for methods and systems without a gradient, and for a step that breaks down.
+            For wrong arguments; with ``differentiable`` also for methods and systems without a gradient.
         KeyboardInterrupt
-            On Ctrl-C; the stepper then has the state of the last step, or with ``accuracy`` its previous one.
+            On Ctrl-C; the stepper then has the state of the last step, or with ``accuracy`` or ``differentiable`` its previous one.
 
         Warns
         -----

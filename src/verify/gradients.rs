@@ -1,0 +1,395 @@
+//! Gradients of runs: remainders of Taylor's theorem, the dot product of tangents and adjoints, and dual numbers.
+//!
+//! Some steps of every method with a gradient, the last one shorter, are run from the start and from one where all parameters p are changed by
+//! h δp: stiffnesses, rest lengths, dampings, masses, gravity, loads, positions and velocities at once. Of a cost J, linear in the states in the
+//! middle and at the end, with its gradient g,
+//!
+//! ```text
+//! J(p + h δp) − J(p) = O(h),      J(p + h δp) − J(p) − h g·δp = O(h²).
+//! ```
+//!
+//! **The window of h.** Remainders at h = 2⁻³⁰ are rounding: with δp scaled by the parameters the second order leaves 10⁻¹⁸ of J. The four
+//! halvings end where remainders are 64 times that large, so that the order is off by at most log₂(1 + 1/32), and the smallest wrong
+//! part of g is most visible: one of some 10⁻⁶ costs an order.
+//!
+//! **Tangents and adjoints.** A step solves `J d = b` for the tangent d, and `Jᵀ λ = c` for the adjoint λ. With residuals r and s of the
+//! computed ones `c·d − λ·b = λ·r − s·d`: backward stable solves leave `30 u ‖J‖` of `‖λ‖ ‖d‖` each, which is at most the condition number
+//! times the product.
+//!
+//! **Dual numbers.** The derivatives of a spring's force by k, l0, b, the positions and the velocities of its ends come from the force written a
+//! second time; the adjoint of the force must agree to rounding.
+
+use super::TestCase;
+use super::check::{Check, Claim, Measured, Unfinished, ratio, worst};
+use super::convergence::{ErrorCurve, order_checks};
+use super::force_error::U;
+use super::free_coordinates::random_vector;
+use super::reference;
+use crate::error::{Error, Result};
+use crate::force::SpringGeometry;
+use crate::gradient::{Cotangent, DifferentiableRun, Parameters, Point};
+use crate::integrate::Method;
+use crate::system::{Loads, State, System};
+use nalgebra::Vector3;
+use num_dual::{Dual64, DualNum};
+
+/// Length of the runs in steps: three and a shorter one, so that bdf2 meets unequal steps.
+const LENGTH: f64 = 3.6;
+
+/// States that are kept, more than there are.
+const ROOM: usize = 8;
+
+/// The part of the parameters at which remainders are rounding, and the largest that moves no spring by an eighth of its length.
+const FINEST: f64 = 1.0 / (1u64 << 30) as f64;
+const COARSEST: f64 = 1.0 / 8.0;
+
+/// Multiples of rounding that count as resolved, and the halvings of a window.
+const RESOLVED: f64 = 64.0;
+const HALVINGS: i32 = 4;
+
+/// Degrees of freedom up to which every method is run.
+const AFFORDABLE: usize = 2000;
+
+/// A run, the direction along which its parameters change, and the cost.
+struct Subject<'c> {
+    case: &'c TestCase,
+    method: Method,
+    dt: f64,
+    change: Parameters,
+    run: DifferentiableRun<'c>,
+    cost: Vec<Cotangent>,
+}
+
+/// The methods of a case; in place of one whose run is refused or breaks down, the reason.
+fn subjects(case: &TestCase) -> impl Iterator<Item = (Method, Result<Subject<'_>>)> {
+    let all = [Method::Verlet, Method::BackwardEuler, Method::ImplicitMidpoint, Method::Bdf2];
+    let affordable = if case.system.dofs().len() <= AFFORDABLE { 4 } else { 2 };
+    all.into_iter().take(affordable).map(|method| (method, Subject::new(case, method)))
+}
+
+impl<'c> Subject<'c> {
+    fn new(case: &'c TestCase, method: Method) -> Result<Self> {
+        let TestCase { system, state, .. } = case;
+        let dt = case.dt.min(case.resolving_step());
+        let time = LENGTH * dt;
+        let run = DifferentiableRun::with_checkpoints(system, state, method, dt, time, ROOM)?;
+        let vectors = |seed| random_vectors(system, seed);
+        // A velocity counts by the way that it goes in the run.
+        let cotangent = |step: usize| Cotangent {
+            step,
+            positions: vectors(step as u64),
+            velocities: on_free_axes(system, vectors(9 + step as u64)).iter().map(|v| v * time).collect(),
+        };
+        let mut lengths = vec![f64::INFINITY; system.particles()];
+        for link in reference::links(system, &state.positions) {
+            link.ends.iter().for_each(|&p| lengths[p] = lengths[p].min(link.length).min(link.rest_length));
+        }
+        lengths.iter_mut().filter(|length| length.is_infinite()).for_each(|length| *length = case.extent());
+        let shortest = lengths.iter().copied().fold(f64::INFINITY, f64::min);
+        let scaled = |seed, scale: &dyn Fn(usize) -> f64| -> Vec<Vector3<f64>> {
+            vectors(seed).iter().enumerate().map(|(p, v)| v * (0.25 * scale(p))).collect()
+        };
+        let random = |seed, values: Vec<f64>| -> Vec<f64> {
+            random_vector(values.len(), seed).iter().zip(values).map(|(r, value)| 0.5 * r * value).collect()
+        };
+        let springs = || system.springs().iter();
+        let change = Parameters {
+            stiffness: random(21, springs().map(|spring| spring.stiffness).collect()),
+            rest_lengths: random(22, springs().map(|spring| spring.rest_length).collect()),
+            damping: random(23, springs().map(|spring| spring.damping).collect()),
+            masses: random(24, system.masses().to_vec()),
+            gravity: scaled(25, &|_| shortest / (time * time))[0],
+            loads: scaled(26, &|p| system.masses()[p] * lengths[p] / (time * time)),
+            positions: scaled(27, &|p| lengths[p]),
+            velocities: on_free_axes(system, scaled(28, &|p| lengths[p] / time)),
+        };
+        let cost = vec![cotangent(run.steps() / 2), cotangent(run.steps())];
+        Ok(Self { case, method, dt, change, run, cost })
+    }
+
+    /// J with the parameters changed by h δp, less J.
+    fn difference(&self, h: f64) -> Result<f64> {
+        let Self { case, change, run, .. } = self;
+        let mut builder = case.description();
+        for (s, spring) in builder.springs.iter_mut().enumerate() {
+            spring.stiffness += h * change.stiffness[s];
+            spring.rest_length += h * change.rest_lengths[s];
+            spring.damping += h * change.damping[s];
+        }
+        let add = |to: &mut [Vector3<f64>], from: &[Vector3<f64>]| {
+            to.iter_mut().zip(from).for_each(|(to, from)| *to += from * h);
+        };
+        builder.masses.iter_mut().zip(&change.masses).for_each(|(mass, more)| *mass += h * more);
+        builder.gravity += change.gravity * h;
+        add(&mut builder.positions, &change.positions);
+        add(&mut builder.velocities, &change.velocities);
+        let (system, state) = builder.build()?;
+        let forces = change.loads.iter().map(|load| load * h).collect();
+        let system = system.with_loads(Loads { forces, ..Loads::default() })?;
+        let time = LENGTH * self.dt;
+        let moved = DifferentiableRun::with_checkpoints(&system, &state, self.method, self.dt, time, ROOM)?;
+        let states: Vec<[&State; 2]> = moved.states().zip(run.states()).map(|(moved, state)| [moved, state]).collect();
+        let rise = |cotangent: &Cotangent| {
+            let Some([moved, state]) = states.get(cotangent.step) else { return f64::NAN };
+            let rise = |weights: &[Vector3<f64>], after: &[Vector3<f64>], before: &[Vector3<f64>]| -> f64 {
+                weights.iter().zip(after).zip(before).map(|((c, after), before)| c.dot(&(after - before))).sum()
+            };
+            rise(&cotangent.positions, &moved.positions, &state.positions)
+                + rise(&cotangent.velocities, &moved.velocities, &state.velocities)
+        };
+        Ok(self.cost.iter().map(rise).sum())
+    }
+
+    fn slope(&self) -> Result<f64> {
+        Ok(self.run.gradient(&self.cost)?.dot(&self.change))
+    }
+
+    /// The remainders without and with the gradient over the halvings of the window; the reason where there is none.
+    fn remainders(&self, slope: f64) -> Result<Result<[ErrorCurve; 2], String>> {
+        let remainders = |h: f64| -> Result<[f64; 2]> {
+            let rise = self.difference(h)?;
+            Ok([rise.abs(), (rise - h * slope).abs()])
+        };
+        let mut rounding = 0.0_f64;
+        for part in [1.0, -1.0, 0.75, -0.75] {
+            rounding = worst([rounding, remainders(part * FINEST)?[1]]);
+        }
+        // The largest h of the finest end.
+        let most = COARSEST / f64::from(1 << HALVINGS);
+        let coarse = remainders(most)?[1];
+        if !(coarse > RESOLVED * rounding) {
+            return Ok(Err(
+                "the cost is linear in the parameters to rounding: there is no remainder to be measured".into()
+            ));
+        }
+        let mut h = (most * (RESOLVED * rounding / coarse).sqrt()).max(FINEST);
+        while h < most && remainders(h)?[1] < 0.5 * RESOLVED * rounding {
+            h = (2.0 * h).min(most);
+        }
+        let mut points = [Vec::new(), Vec::new()];
+        for halving in (0..=HALVINGS).rev() {
+            let h = h * f64::from(1 << halving);
+            points.iter_mut().zip(remainders(h)?).for_each(|(points, remainder)| points.push((h, remainder)));
+        }
+        let [first, second] = points;
+        let curve = |words: &str, order, points| ErrorCurve {
+            method: format!("{words}, {}", self.method.name()),
+            order,
+            points,
+        };
+        Ok(Ok([curve("without gradient", 1, first), curve("with gradient", 2, second)]))
+    }
+}
+
+/// Remainders of Taylor's theorem.
+pub(super) fn remainders(case: &TestCase) -> Measured {
+    let (mut curves, mut checks) = (Vec::new(), Vec::new());
+    for (method, subject) in subjects(case) {
+        let not_judged = |method: &str, reason: String| {
+            Check::not_judged(Claim::Convergence, format!("Taylor remainder, {method}"), &case.name, reason)
+        };
+        let found = subject.and_then(|subject| subject.remainders(subject.slope()?));
+        match allowed(found)?.and_then(|found| found) {
+            Ok([first, second]) => {
+                curves.push(first);
+                // A remainder that falls faster, because the second derivative vanishes, is no fault.
+                match second.unclear() {
+                    Some(reason) if second.observed() > 2.0 => checks.push(not_judged(&second.method, reason)),
+                    _ => curves.push(second),
+                }
+            }
+            Err(reason) => checks.push(not_judged(method.name(), reason)),
+        }
+    }
+    let mut orders = order_checks("Taylor remainder", &case.name, "remainder of J", curves);
+    orders.iter_mut().flat_map(|check| &mut check.curves).for_each(|plot| plot.x.title = "h".into());
+    checks.extend(orders);
+    Ok(checks)
+}
+
+/// Tangents against adjoints, and the adjoint of the force against dual numbers.
+pub(super) fn adjoints(case: &TestCase) -> Measured {
+    let mut checks = vec![force_adjoint(case)?];
+    for (method, subject) in subjects(case) {
+        let name = format!("tangent against adjoint, {}", method.name());
+        checks.push(match allowed(subject.and_then(|subject| subject.dot_product(&name)))? {
+            Ok(found) => found,
+            Err(reason) => Check::not_judged(Claim::Consistency, name, &case.name, reason),
+        });
+    }
+    Ok(checks)
+}
+
+impl Subject<'_> {
+    fn dot_product(&self, name: &str) -> Result<Check> {
+        let Self { case, run, .. } = self;
+        let steps: Vec<usize> = self.cost.iter().map(|cotangent| cotangent.step).collect();
+        let changes = run.tangents(std::slice::from_ref(&self.change), &steps)?.swap_remove(0);
+        let gradient = run.gradient(&self.cost)?;
+        let (mut forward, mut size) = (0.0, magnitude(&gradient).dot(&magnitude(&self.change)));
+        for (cotangent, [x, v]) in self.cost.iter().zip(&changes) {
+            for (c, d) in cotangent.positions.iter().chain(&cotangent.velocities).zip(x.iter().chain(v)) {
+                forward += c.dot(d);
+                size += c.abs().dot(&d.abs());
+            }
+        }
+        let lightest = reference::lightest(&case.system) / (self.dt * self.dt);
+        let condition = reference::step_matrix_norm(case, &case.state, self.dt) / lightest;
+        let why = format!(
+            "of the sum of magnitudes: a backward stable solve a step, 30 u, times the condition number of A, at most {condition:.1e}"
+        );
+        let value = ratio((forward - gradient.dot(&self.change)).abs(), size);
+        let bound = 30.0 * U * run.steps() as f64 * condition;
+        Ok(Check::new(Claim::Consistency, name, &case.name, value, bound, why))
+    }
+}
+
+/// `λ·∂F` by every parameter of a spring, by positions and by velocities, for random λ and velocities.
+fn force_adjoint(case: &TestCase) -> Result<Check, Unfinished> {
+    let TestCase { system, state, .. } = case;
+    let geometry = SpringGeometry::at(system, state)?;
+    let (adjoint, velocities) = (random_vectors(system, 31), random_vectors(system, 32));
+    let mut found = Parameters::zeros(system);
+    let at = Point { geometry: &geometry, velocities: &velocities, time: state.time };
+    let changes = found.add_force_adjoint(system, &at, &adjoint);
+    // By positions and velocities, and 1 for each.
+    let zeros = || vec![(Vector3::<f64>::zeros(), 0.0); system.particles()];
+    let (mut expected, mut value) = ([zeros(), zeros()], 0.0);
+    for (s, [i, j], spring) in system.active() {
+        let (d, w, u) =
+            (state.positions[i] - state.positions[j], velocities[i] - velocities[j], adjoint[i] - adjoint[j]);
+        let derivative = |seed: usize| {
+            let mut inputs =
+                [spring.stiffness, spring.rest_length, spring.damping, d.x, d.y, d.z, w.x, w.y, w.z].map(Dual64::from);
+            inputs[seed].eps = 1.0;
+            let [k, rest, b, dx, dy, dz, wx, wy, wz] = inputs;
+            let l = (dx * dx + dy * dy + dz * dz).sqrt();
+            let rate = (dx * wx + dy * wy + dz * wz) / l;
+            ((-(l / rest - 1.0) * k - rate * b) * (dx * u.x + dy * u.y + dz * u.z) / l).eps
+        };
+        let (k, l, rest, b) = (spring.stiffness, d.norm(), spring.rest_length, spring.damping);
+        let units = [(l / rest).max(1.0), k * l / (rest * rest), w.norm()].map(|size| 30.0 * U * size * u.norm());
+        let of_spring = [found.stiffness[s], found.rest_lengths[s], found.damping[s]];
+        for (seed, (found, unit)) in of_spring.into_iter().zip(units).enumerate() {
+            value = worst([value, ratio((found - derivative(seed)).abs(), unit)]);
+        }
+        let units = [24.0 * U * k * (1.0 / rest + 1.0 / l) + 80.0 * U * b * w.norm() / l, 30.0 * U * b]
+            .map(|size| size * u.norm());
+        for (part, (sums, unit)) in expected.iter_mut().zip(units).enumerate() {
+            let change = Vector3::from_fn(|axis, _| derivative(3 + 3 * part + axis));
+            for (end, sign) in [(i, 1.0), (j, -1.0)] {
+                sums[end].0 += change * sign;
+                sums[end].1 += unit;
+            }
+        }
+    }
+    for (found, expected) in changes.iter().zip(&expected) {
+        for (found, (expected, unit)) in found.iter().zip(expected) {
+            value = worst([value, ratio((found - expected).amax(), *unit)]);
+        }
+    }
+    let why = "1 is rounding: 30 u of max(1, l/l0), k l/l0², |w| and b, 24 u (k/l0 + k/l) and 80 u b |w|/l of each spring, times |λ|";
+    Ok(Check::new(Claim::Consistency, "adjoint of the force against dual numbers", &case.name, value, 1.0, why))
+}
+
+/// The absolute values of all parameters.
+fn magnitude(parameters: &Parameters) -> Parameters {
+    let scalars = |values: &[f64]| values.iter().map(|value| value.abs()).collect();
+    let vectors = |values: &[Vector3<f64>]| values.iter().map(|value| value.abs()).collect();
+    Parameters {
+        stiffness: scalars(&parameters.stiffness),
+        rest_lengths: scalars(&parameters.rest_lengths),
+        damping: scalars(&parameters.damping),
+        masses: scalars(&parameters.masses),
+        gravity: parameters.gravity.abs(),
+        loads: vectors(&parameters.loads),
+        positions: vectors(&parameters.positions),
+        velocities: vectors(&parameters.velocities),
+    }
+}
+
+/// What was found, or the reason for a method or a step that reports that it cannot do it.
+fn allowed<T>(found: Result<T>) -> Result<Result<T, String>, Unfinished> {
+    match found {
+        Ok(found) => Ok(Ok(found)),
+        Err(reported @ (Error::Unsupported(_) | Error::Breakdown { .. })) => Ok(Err(reported.to_string())),
+        Err(other) => Err(other.into()),
+    }
+}
+
+fn random_vectors(system: &System, seed: u64) -> Vec<Vector3<f64>> {
+    let numbers = random_vector(3 * system.particles(), seed);
+    let along = |v: &[f64]| Vector3::from_fn(|axis, _| if axis < system.dimension() { v[axis] } else { 0.0 });
+    numbers.chunks_exact(3).map(along).collect()
+}
+
+fn on_free_axes(system: &System, vectors: Vec<Vector3<f64>>) -> Vec<Vector3<f64>> {
+    let free = |(p, v): (usize, Vector3<f64>)| {
+        Vector3::from_fn(|axis, _| if system.dofs().free_axes(p).contains(axis) { v[axis] } else { 0.0 })
+    };
+    vectors.into_iter().enumerate().map(free).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verify::fixtures::chain;
+
+    /// Four methods with two orders and a dot product each, and the force.
+    #[test]
+    fn gradients_of_a_chain_are_right() {
+        let case = chain(6, 0.02);
+        let checks: Vec<Check> = [adjoints, remainders].into_iter().flat_map(|family| family(&case).unwrap()).collect();
+        assert_eq!(checks.len(), 13);
+        for check in &checks {
+            assert!(check.is_judged && check.passed(), "{} {:e} {:e}", check.name, check.value, check.bound);
+        }
+        // Both formulas are rounded, in another way.
+        assert!(checks[0].value > 1e-3, "{:e}", checks[0].value);
+    }
+
+    /// One part in a hundred thousand costs the order.
+    #[test]
+    fn a_wrong_slope_costs_an_order() {
+        let case = chain(5, 0.02);
+        for (method, subject) in subjects(&case) {
+            let subject = subject.unwrap();
+            for (factor, order) in [(1.0, 2.0), (1.0 + 1e-5, 1.0), (0.5, 1.0), (-1.0, 1.0)] {
+                let [first, second] = subject.remainders(factor * subject.slope().unwrap()).unwrap().unwrap();
+                assert!((first.observed() - 1.0).abs() < 0.2 && second.points.len() == 5);
+                assert!((second.observed() - order).abs() < 0.2, "{} {factor}: {}", method.name(), second.observed());
+            }
+        }
+    }
+
+    /// Damping meets a moving constraint: not judged, with the reason.
+    #[test]
+    fn a_method_that_refuses_is_not_judged() {
+        use crate::system::{Constraint, Motion};
+        let mut builder = chain(3, 0.02).description();
+        builder.constrain(Constraint { motion: Motion::Velocity(Vector3::x()), ..Constraint::hold([0]) });
+        let moving = crate::verify::fixtures::case(builder, 0.02);
+        for checks in [adjoints(&moving).unwrap(), remainders(&moving).unwrap()] {
+            let refused: Vec<_> = checks.iter().filter(|check| !check.is_judged).collect();
+            assert!(refused.len() == 1 && refused[0].why.contains("moving constraints"), "{checks:?}");
+            assert!(checks.iter().all(|check| !check.is_judged || check.passed()));
+        }
+    }
+
+    #[cfg(feature = "scene")]
+    #[test]
+    fn the_built_in_scenes_are_right() {
+        for case in crate::verify::built_in().unwrap() {
+            for check in [adjoints, remainders].into_iter().flat_map(|family| family(&case).unwrap()) {
+                println!(
+                    "{} {:.2e} {:.2e} {}, {}",
+                    !check.is_judged || check.passed(),
+                    check.value,
+                    check.bound,
+                    check.scene,
+                    check.name
+                );
+            }
+        }
+    }
+}
