@@ -15,6 +15,8 @@
 //!
 //! **Damping.** `φᵀ(−G)φ/(2ω)`, exact where modes diagonalise G.
 
+mod hanging;
+
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::{Accuracy, BlockLanczos, Eigenpair, End, Pencil, Search, ShiftInvert, Tolerance};
 use crate::error::{Error, Invalid, Result, check_length};
@@ -24,11 +26,12 @@ use crate::linear::{Ldlt, dot};
 use crate::memory;
 use crate::multigrid::Multigrid;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
-use crate::rigid::rigid_motions;
+use crate::rigid::{Body, bodies, rigid_motions};
 use crate::spring::Stiffness;
 use crate::system::{DofMap, State, System};
 use crate::work::Work;
 use faer::{Par, c64};
+use hanging::hanging;
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::f64::consts::TAU;
 
@@ -37,6 +40,9 @@ const ZERO: f64 = 32.0 * f64::EPSILON;
 
 /// Degrees of freedom up to which matrices are factored, where the factor fits the memory; beyond, modes are found by multigrid and not counted.
 const FACTORED: usize = 500_000;
+
+/// Zero modes that are computed at most.
+const ZEROS: usize = 1000;
 
 /// One normal mode.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,6 +80,10 @@ pub struct Modes {
     pub zero_modes: Vec<Mode>,
     /// Rigid motions that constraints admit and stresses do not resist.
     pub rigid_motions: usize,
+    /// The parts of a scene of several that can move as a whole: their particles.
+    pub parts: Vec<Vec<usize>>,
+    /// Where there are mechanisms, the parts that one spring alone joins to the rest, with all that they carry: their particles.
+    pub hanging: Vec<Vec<usize>>,
     /// The largest |ω²| that counts as zero and the smallest that does not, in 1/s²; infinite where there is none.
     pub gap: [f64; 2],
     /// Whether the number of eigenvalues below `counted_below` proves that no mode is missing.
@@ -92,7 +102,7 @@ pub struct Modes {
 /// The `count` lowest modes of a system linearised about a state, beside its zero modes: all of them where there are fewer.
 ///
 /// # Errors
-/// A state of another system; coincident ends of a spring; too little memory; no mode asked for.
+/// A state of another system; coincident ends of a spring; too little memory; no mode asked for; more than a thousand zero modes.
 ///
 /// # Examples
 /// ```
@@ -127,6 +137,8 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         modes: Vec::new(),
         zero_modes: Vec::new(),
         rigid_motions,
+        parts: loose_parts(system, state),
+        hanging: Vec::new(),
         gap: [0.0, f64::INFINITY],
         complete: true,
         counted_below: f64::INFINITY,
@@ -146,6 +158,7 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         let pairs = uncounted(system, state, &stiffness, masses, &rigid, wanted, &mut work)?;
         (result.complete, result.counted_below) = (false, f64::NAN);
         result.sort(pairs, count, zero);
+        result.name_hanging(system);
         result.work = work;
         return Ok(result);
     };
@@ -163,8 +176,13 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         if pairs.len() < wanted || wanted == order || pairs.len() - zeros >= count {
             break pairs;
         }
-        // Mechanisms beside the rigid motions, and perhaps more of them.
-        wanted = (count + 2 * zeros).min(order);
+        // Mechanisms beside the rigid motions: about as many as there are eigenvalues below a little more than rounding.
+        let zeros = search.below(1e3 * zero).unwrap_or(0).max(zeros + 1);
+        if zeros > ZEROS {
+            let rule = format!("must be at most {ZEROS}; `sprung mechanisms` counts them");
+            return Err(Invalid::new("zero modes", zeros, rule).into());
+        }
+        wanted = (count + zeros).min(order);
         search.known = pairs;
     };
     result.complete = search.edge.is_some() && !pairs.is_empty();
@@ -180,8 +198,19 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         result.complete = search.below(result.counted_below) == Some(found);
     }
     result.sort(pairs, count, zero);
+    result.name_hanging(system);
     result.work = work;
     Ok(result)
+}
+
+/// The bodies that have rigid motions, where there are several.
+fn loose_parts(system: &System, state: &State) -> Vec<Vec<usize>> {
+    let bodies = bodies(system);
+    if bodies.len() < 2 {
+        return Vec::new();
+    }
+    let is_loose = |body: &Body| !body.rigid_motions(system, &state.positions).is_empty();
+    bodies.into_iter().filter(is_loose).map(|body| body.particles).collect()
 }
 
 /// Whether an eigenvalue is zero to rounding; one that is known less exactly, where zero is within its residual.
@@ -347,6 +376,12 @@ impl Modes {
         let mode = |pair: Eigenpair| Mode::new(pair, &self.dofs, &self.masses, &self.damping);
         self.zero_modes = zeros.into_iter().map(mode).collect();
         self.modes = others.into_iter().take(count).map(mode).collect();
+    }
+
+    fn name_hanging(&mut self, system: &System) {
+        if self.zero_modes.len() > self.rigid_motions {
+            self.hanging = hanging(system);
+        }
     }
 
     /// The displacement of every particle in a mode, in kg^{-1/2}.

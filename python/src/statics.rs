@@ -107,6 +107,11 @@ impl Modes {
         (found.zero_modes.len(), found.rigid_motions, found.gap, found.complete, found.counted_below, found.imbalance)
     }
 
+    /// The particles of each loose part, and of each part that hangs by one spring.
+    fn parts(&self) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
+        (self.found.parts.clone(), self.found.hanging.clone())
+    }
+
     /// Displacements by modes, particles and axes: of the modes, or of the zero modes.
     fn shapes<'py>(&self, py: Python<'py>, of_zero_modes: bool) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let modes = if of_zero_modes { &self.found.zero_modes } else { &self.found.modes };

@@ -22,10 +22,17 @@ use crate::error::{Invalid, Result, check_length};
 use crate::linear::{Ldlt, SOLVE_COLUMNS, dot};
 use crate::operator::LinearOperator;
 use crate::work::Work;
-use faer::Par;
+use faer::diag::Diag;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
+use faer::{Mat, Par};
 
 /// The least distance of a shift from an end, relative to ‖A‖: nearer, the largest θ would drown the others in rounding.
 const NEAR_ZERO: f64 = 1e-6;
+
+/// The largest order at which a search gives way to a dense decomposition, where it is for many eigenvalues and for more than an eighth of all.
+const DENSE: usize = 1500;
+const MANY: usize = 64;
 
 /// A and the diagonal of M (`None` for the identity).
 #[derive(Clone, Copy)]
@@ -270,13 +277,19 @@ impl<'a> ShiftInvert<'a> {
             });
             guess = Some(ends.map(|[low, _]| (low.value, low.residual))?);
         }
-        let may_be_positive = guess.is_none_or(|(value, _)| value > NEAR_ZERO * self.norm);
-        if self.is_factored || may_be_positive && self.is_floor(0.0) {
+        let near = NEAR_ZERO * self.norm;
+        let may_be_positive = guess.is_none_or(|(value, _)| value > near);
+        // A known zero is the lowest eigenvalue, unless the probe has found a lower one.
+        let is_singular = self.known.iter().any(|pair| pair.value.abs() <= near);
+        if is_singular && guess.is_none_or(|(value, _)| value > -near) && self.is_floor(-near) {
+            return Some(-near);
+        }
+        if self.is_factored || !is_singular && may_be_positive && self.is_floor(0.0) {
             self.within[0] = self.within[0].max(0.0);
             return Some(0.0);
         }
         let (value, residual) = guess?;
-        let mut distance = residual.max(0.02 * value.abs()).max(NEAR_ZERO * self.norm);
+        let mut distance = residual.max(0.02 * value.abs()).max(near);
         // From a millionth of ‖A‖ to far beyond.
         for _ in 0..60 {
             if self.is_floor(value - distance) {
@@ -298,6 +311,10 @@ impl<'a> ShiftInvert<'a> {
         before: &[Eigenpair],
         due: Option<(f64, usize)>,
     ) -> Vec<Eigenpair> {
+        let is_dense = end == End::Lowest && self.order() <= DENSE && wanted > MANY && 8 * wanted > self.order();
+        if let Some(pairs) = is_dense.then(|| dense(&self.pencil, wanted)).flatten() {
+            return pairs;
+        }
         let Self { pencil, factorization, work, .. } = self;
         let (n, masses) = (pencil.a.order(), pencil.masses);
         let mut solve = |x: &[f64], y: &mut [f64]| {
@@ -329,6 +346,25 @@ impl<'a> ShiftInvert<'a> {
         pairs.sort_by(|a, b| end.rank(a.value).total_cmp(&end.rank(b.value)));
         pairs
     }
+}
+
+/// The lowest pairs by a dense decomposition of `M^{-1/2} A M^{-1/2}`, where a search would span much of the space anyway.
+fn dense(pencil: &Pencil<'_>, wanted: usize) -> Option<Vec<Eigenpair>> {
+    let n = pencil.a.order();
+    let root = |k: usize| pencil.masses.map_or(1.0, |masses| masses[k].sqrt());
+    let mut a = Mat::<f64>::zeros(n, n);
+    for (i, j, value) in pencil.a.to_csc().triplet_iter() {
+        a[(i, j)] = value / (root(i) * root(j));
+    }
+    let (mut values, mut vectors) = (Diag::<f64>::zeros(n), Mat::<f64>::zeros(n, n));
+    let scratch = self_adjoint_evd_scratch::<f64>(n, ComputeEigenvectors::Yes, Par::Seq, Default::default());
+    let mut memory = MemBuffer::new(scratch);
+    let stack = MemStack::new(&mut memory);
+    self_adjoint_evd(a.as_ref(), values.as_mut(), Some(vectors.as_mut()), Par::Seq, stack, Default::default()).ok()?;
+    let pair = |k: usize| eigenpair(pencil, (0..n).map(|i| vectors[(i, k)] / root(i)).collect());
+    let mut pairs: Vec<Eigenpair> = (0..wanted.min(n)).map(pair).collect();
+    pairs.sort_by(|a, b| a.value.total_cmp(&b.value));
+    Some(pairs)
 }
 
 /// The tolerance for a value without its vector.

@@ -133,6 +133,8 @@ pub struct ModesRecord<'a> {
     at: &'a str,
     zero_modes: usize,
     rigid_motions: usize,
+    parts: &'a [Vec<usize>],
+    hanging: &'a [Vec<usize>],
     eigenvalues: Vec<f64>,
     frequencies: Vec<Option<f64>>,
     damping_ratios: Vec<Option<f64>>,
@@ -146,13 +148,15 @@ pub struct ModesRecord<'a> {
 
 impl<'a> ModesRecord<'a> {
     /// Of a scene by its name, at a state in words.
-    pub fn new(scene: &'a str, at: &'a str, found: &Modes) -> Self {
+    pub fn new(scene: &'a str, at: &'a str, found: &'a Modes) -> Self {
         let modes = || found.modes.iter();
         Self {
             scene,
             at,
             zero_modes: found.zero_modes.len(),
             rigid_motions: found.rigid_motions,
+            parts: &found.parts,
+            hanging: &found.hanging,
             eigenvalues: modes().map(|mode| mode.eigenvalue).collect(),
             frequencies: modes().map(Mode::frequency).collect(),
             damping_ratios: modes().map(|mode| mode.damping_ratio).collect(),
@@ -168,6 +172,35 @@ impl<'a> ModesRecord<'a> {
 
 /// Out of balance by more than this a state is no equilibrium.
 const BALANCED: f64 = 1e-6;
+
+/// The parts that move as a whole, and those that hang by one spring, in words.
+fn parts_remarks(found: &Modes) -> Vec<String> {
+    /// Parts named at most.
+    const NAMED: usize = 20;
+    let name = |part: &Vec<usize>| if part.len() == 1 { "particle" } else { "particles" };
+    let mut remarks = Vec::new();
+    if !found.parts.is_empty() {
+        let parts: Vec<String> = found.parts.iter().take(NAMED).map(|part| ranges(part)).collect();
+        let (verb, more) = match found.parts.len() {
+            1 => ("moves", ""),
+            n => ("move", if n > NAMED { "; …" } else { "" }),
+        };
+        remarks.push(format!(
+            "{} {verb} freely: {} {}{more}",
+            count(found.parts.len(), "loose part"),
+            if let [part] = &found.parts[..] { name(part) } else { "particles" },
+            parts.join("; ")
+        ));
+    }
+    for part in found.hanging.iter().take(NAMED) {
+        let verb = if part.len() == 1 { "hangs" } else { "hang" };
+        remarks.push(format!("{} {} {verb} by one spring", name(part), ranges(part)));
+    }
+    if found.hanging.len() > NAMED {
+        remarks.push(format!("… and {} more", found.hanging.len() - NAMED));
+    }
+    remarks
+}
 
 /// Normal modes as a table.
 pub fn modes_text(scene: &str, at: &str, dimension: usize, found: &Modes) -> String {
@@ -189,6 +222,9 @@ pub fn modes_text(scene: &str, at: &str, dimension: usize, found: &Modes) -> Str
             count(found.rigid_motions, "rigid motion"),
             count(others, "mechanism")
         );
+    }
+    for remark in parts_remarks(found) {
+        let _ = writeln!(text, "  {remark}");
     }
     let axes = ["x", "y", "z"];
     let _ = write!(text, "\n  {:>4} {:>12} {:>12} {:>10}", "mode", "Hz", "period, s", "damping");

@@ -187,6 +187,38 @@ fn modes_are_those_of_the_textbook() {
 }
 
 /// A pressed column is no equilibrium's neighbour: its motion grows, and says so; frequencies are null.
+/// Loose parts and parts that hang by one spring are named.
+#[test]
+fn modes_name_loose_parts() {
+    let sandbox = Sandbox::new();
+    let scene = |pairs: &str, end: &str| {
+        format!(
+            r#"
+name = "triangles"
+[particles]
+positions = [[0, 0], [1, 0], [0, 1], [3, 0], [4, 0], [3, 1], [6, 0], [7, 0], [6, 1]]
+masses = 1.0
+[springs]
+pairs = [[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [6, 7], [7, 8], [8, 6]{pairs}]
+stiffness = 2.0
+{end}"#
+        )
+    };
+    sandbox.put("apart.toml", &scene("", ""));
+    let text = sandbox.sprung(&["modes", "apart.toml"]).ends_with(0).stdout;
+    assert!(text.contains("9 zero modes: 9 rigid motions, 0 mechanisms"), "{text}");
+    assert!(text.contains("3 loose parts move freely: particles 0–2; 3–5; 6–8\n"), "{text}");
+    assert!(!text.contains("hang"), "{text}");
+    // The second hangs by a spring from the first, which is held, the third from the second: they turn about the support, and about the springs.
+    sandbox.put("hanging.toml", &scene(", [1, 3], [4, 6]", "[[constraints]]\nparticles = [0, 1, 2]"));
+    let answer = sandbox.sprung(&["modes", "hanging.toml"]).ends_with(0);
+    assert!(answer.stdout.contains("4 zero modes: 1 rigid motion, 3 mechanisms"), "{}", answer.stdout);
+    assert!(answer.stdout.contains("particles 3–8 hang by one spring\n"), "{}", answer.stdout);
+    assert!(!answer.stdout.contains("loose"), "{}", answer.stdout);
+    let found = sandbox.json("out/triangles/modes.json");
+    assert_eq!((&found["parts"], &found["hanging"]), (&json!([]), &json!([[3, 4, 5, 6, 7, 8]])));
+}
+
 #[test]
 fn growing_modes_have_no_frequency() {
     let sandbox = Sandbox::new();

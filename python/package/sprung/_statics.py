@@ -126,6 +126,10 @@ class Modes:
         Rigid motions and mechanisms.
     zero_shapes : ndarray, shape (zero_modes, particles, dimension)
     rigid_motions : int
+    parts : list of list of int
+        The particles of each part that moves as a whole, where there are several parts.
+    hanging : list of list of int
+        Where there are mechanisms, the particles of each part that hangs by one spring.
     complete : bool
         Whether a factorization proves that no eigenvalue below ``counted_below`` is missing.
     counted_below : float
@@ -141,6 +145,9 @@ class Modes:
             self.frequencies: Floats = np.sqrt(self.eigenvalues) / (2 * np.pi)
         figures = native.figures()
         self.zero_modes, self.rigid_motions, self.gap, self.complete, self.counted_below, self.imbalance = figures
+        self.parts: list[list[int]]
+        self.hanging: list[list[int]]
+        self.parts, self.hanging = native.parts()
         self.shapes: Floats = native.shapes(False)
         self.zero_shapes: Floats = native.shapes(True)
 

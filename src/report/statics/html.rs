@@ -1,6 +1,6 @@
 //! Normal modes, mechanisms and load paths as what pages show.
 
-use super::{BALANCED, ranges, self_stresses};
+use super::{BALANCED, parts_remarks, ranges, self_stresses};
 use crate::equilibrium::{CriticalLoad, Equilibrium, LoadPath, Stability};
 use crate::figure::{Animation, Axis, Guide, Plot, SceneTopology, Series, Track};
 use crate::mechanisms::Mechanisms;
@@ -49,6 +49,10 @@ pub fn mode_motions(scene: &str, at: &str, system: &System, found: &Modes) -> Mo
         count(found.zero_modes.len(), "zero mode"),
         count(found.modes.len(), "mode")
     )];
+    let remarks = parts_remarks(found);
+    if !remarks.is_empty() {
+        facts.push(format!("By parts: {}.", remarks.join("; ")));
+    }
     let mut warnings = Vec::new();
     if found.complete {
         let below = pretty(found.counted_below);

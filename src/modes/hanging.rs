@@ -1,0 +1,158 @@
+//! Parts of a scene that hang by one spring: a spring resists one of the motions of such a part, and leaves the others free.
+//!
+//! They are found by the bridges of the graph whose edges are springs: edges that lie on no cycle (Tarjan, Inf. Process. Lett. 2, 1974).
+
+use crate::system::System;
+
+/// The particles of each part that one spring alone joins to the rest, with all that the part carries: to what is held, or, of a body that nothing
+/// holds, to the largest part of it that is joined by more than one. Ordered by their first particles.
+pub(super) fn hanging(system: &System) -> Vec<Vec<usize>> {
+    let graph = Graph::new(system);
+    let ground = system.particles();
+    let rough = graph.pieces(std::iter::once(ground).chain(0..ground));
+    let mut sizes = vec![0; rough.above.len()];
+    rough.of_node[..ground].iter().for_each(|&piece| sizes[piece] += 1);
+    // From the ground, and of every body from its largest piece.
+    let mut starts: Vec<usize> = (0..ground).collect();
+    starts.sort_by_key(|&p| std::cmp::Reverse(sizes[rough.of_node[p]]));
+    let pieces = graph.pieces(std::iter::once(ground).chain(starts));
+    let mut top = vec![None; pieces.above.len()];
+    for (piece, above) in pieces.above.iter().enumerate() {
+        top[piece] = above.and_then(|above| top[above].or(Some(piece)));
+    }
+    let mut parts: Vec<Vec<usize>> = vec![Vec::new(); pieces.above.len()];
+    for (p, piece) in pieces.of_node[..ground].iter().enumerate() {
+        if let Some(top) = top[*piece] {
+            parts[top].push(p);
+        }
+    }
+    parts.retain(|part| !part.is_empty());
+    parts.sort();
+    parts
+}
+
+/// Particles joined by springs; those that are held in any axis are one node, the ground, which has the last number.
+struct Graph {
+    /// The first of the neighbours of each node, and one past the last.
+    first: Vec<usize>,
+    /// Springs with their other ends, node by node.
+    neighbours: Vec<(usize, usize)>,
+}
+
+/// The pieces that remain without bridges. Each comes after that which it hangs from, or hangs from none.
+struct Pieces {
+    of_node: Vec<usize>,
+    above: Vec<Option<usize>>,
+}
+
+impl Graph {
+    fn new(system: &System) -> Self {
+        let ground = system.particles();
+        let node = |p: usize| if system.dofs().rows(p).len() < system.dimension() { ground } else { p };
+        let springs = || system.active().map(|(spring, ends, _)| (spring, ends.map(node))).filter(|(_, [a, b])| a != b);
+        let mut first = vec![0; ground + 2];
+        springs().flat_map(|(_, ends)| ends).for_each(|end| first[end + 1] += 1);
+        (1..first.len()).for_each(|k| first[k] += first[k - 1]);
+        let mut next = first.clone();
+        let mut neighbours = vec![(0, 0); first[ground + 1]];
+        for (spring, [a, b]) in springs() {
+            for (from, to) in [(a, b), (b, a)] {
+                neighbours[next[from]] = (spring, to);
+                next[from] += 1;
+            }
+        }
+        Self { first, neighbours }
+    }
+
+    /// By a search in depth, from each start that none before has reached.
+    fn pieces(&self, starts: impl Iterator<Item = usize>) -> Pieces {
+        const NONE: usize = usize::MAX;
+        let nodes = self.first.len() - 1;
+        let mut next = self.first.clone();
+        // The place in the order of discovery, the least place that is reached from below, and the way down.
+        let (mut place, mut low, mut way) = (vec![NONE; nodes], vec![NONE; nodes], vec![(NONE, NONE); nodes]);
+        let mut order = Vec::with_capacity(nodes);
+        for start in starts {
+            if place[start] != NONE {
+                continue;
+            }
+            let mut at = start;
+            (place[at], low[at]) = (order.len(), order.len());
+            order.push(at);
+            loop {
+                let (spring, parent) = way[at];
+                if next[at] < self.first[at + 1] {
+                    let (along, to) = self.neighbours[next[at]];
+                    next[at] += 1;
+                    if place[to] == NONE {
+                        (place[to], low[to], way[to]) = (order.len(), order.len(), (along, at));
+                        order.push(to);
+                        at = to;
+                    } else if along != spring {
+                        low[at] = low[at].min(place[to]);
+                    }
+                } else if parent != NONE {
+                    low[parent] = low[parent].min(low[at]);
+                    at = parent;
+                } else {
+                    break;
+                }
+            }
+        }
+        let mut pieces = Pieces { of_node: vec![NONE; nodes], above: Vec::new() };
+        for node in order {
+            let (_, parent) = way[node];
+            let above = (parent != NONE).then(|| pieces.of_node[parent]);
+            pieces.of_node[node] = match above {
+                Some(piece) if low[node] < place[node] => piece,
+                _ => {
+                    pieces.above.push(above);
+                    pieces.above.len() - 1
+                }
+            };
+        }
+        pieces
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+
+    fn parts(particles: usize, pairs: &[[usize; 2]], held: &[usize]) -> Vec<Vec<usize>> {
+        let mut builder = SystemBuilder::new();
+        (0..particles).for_each(|p| {
+            builder.particle([p as f64, (p * p) as f64, 0.0], 1.0);
+        });
+        for &[i, j] in pairs {
+            builder.spring(i, j, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        }
+        held.iter().for_each(|&p| {
+            builder.hold(p);
+        });
+        hanging(&builder.build().unwrap().0)
+    }
+
+    /// Two triangles joined by one spring, a tail of two on the second, and a triangle apart.
+    #[test]
+    fn parts_hang_from_what_is_held_or_from_the_largest() {
+        let pairs = [[0, 1], [1, 2], [2, 0], [2, 3], [3, 4], [4, 5], [5, 3], [5, 6], [6, 7], [8, 9], [9, 10], [10, 8]];
+        assert_eq!(parts(11, &pairs, &[]), [vec![3, 4, 5, 6, 7]]);
+        assert_eq!(parts(11, &pairs, &[4]), [vec![0, 1, 2], vec![6, 7]]);
+        assert_eq!(parts(11, &pairs, &[0, 7]), [] as [Vec<usize>; 0]);
+        // A second spring side by side with the first.
+        assert_eq!(parts(11, &[&pairs[..], &[[2, 3]]].concat(), &[]), [vec![6, 7]]);
+        // The largest piece carries the rest, wherever it is.
+        assert_eq!(parts(5, &[[0, 1], [1, 2], [2, 3], [3, 4], [4, 2]], &[]), [vec![0, 1]]);
+    }
+
+    #[test]
+    fn a_chain_hangs_from_its_held_end() {
+        let pairs: Vec<[usize; 2]> = (0..4).map(|k| [k, k + 1]).collect();
+        assert_eq!(parts(5, &pairs, &[4]), [vec![0, 1, 2, 3]]);
+        assert_eq!(parts(5, &pairs, &[0, 4]), [] as [Vec<usize>; 0]);
+        assert_eq!(parts(5, &pairs, &[]), [vec![1, 2, 3, 4]]);
+    }
+}
