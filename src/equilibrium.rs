@@ -313,7 +313,7 @@ impl<'s> Search<'s> {
                 }
                 if self.options.leave_saddles
                     && creeping.is_seen(is_definite, self.residual())
-                    && let Some(direction) = self.unstable_direction()?
+                    && let Some(direction) = self.direction_down()?
                 {
                     self.leave(&direction);
                 }
@@ -473,16 +473,27 @@ impl<'s> Search<'s> {
         ZERO * norm_of(a) + 10.0 * left / shortest
     }
 
-    /// The direction of the lowest eigenvalue of −K, where that is negative.
+    /// The direction of the lowest eigenvalue of −K, where that is negative at an equilibrium.
     fn unstable_direction(&mut self) -> Result<Option<Vec<f64>>> {
-        self.lowest = None;
         let a = self.assemble(Stiffness::Full)?;
         let band = self.zero_band(&a);
-        if a.order() == 0 || self.factor(&a) {
+        self.direction_below(&a, band)
+    }
+
+    /// The same on the way: wherever −K has a negative eigenvalue, E falls along it, however much force is left.
+    fn direction_down(&mut self) -> Result<Option<Vec<f64>>> {
+        let a = self.assemble(Stiffness::Full)?;
+        let rounding = ZERO * norm_of(&a);
+        self.direction_below(&a, rounding)
+    }
+
+    fn direction_below(&mut self, a: &SymmetricMatrix, band: f64) -> Result<Option<Vec<f64>>> {
+        self.lowest = None;
+        if a.order() == 0 || self.factor(a) {
             return Ok(None);
         }
         let mut factorization = Ldlt::sharing(&self.cholesky)?;
-        let mut search = ShiftInvert::new(Pencil::of(&a), &mut factorization, &mut self.work);
+        let mut search = ShiftInvert::new(Pencil::of(a), &mut factorization, &mut self.work);
         let lowest = search.lowest(1, Accuracy::CERTIFIED).into_iter().next();
         self.lowest = lowest.filter(|pair| pair.value <= band).map(|pair| (pair.value, pair.vector));
         Ok(self.lowest.clone().filter(|(value, _)| *value < -band).map(|(_, vector)| vector))
