@@ -172,19 +172,17 @@ pub fn framework(seed: u64) -> Framework {
             }
             Framework::free(dimension, places, pairs)
         }
-        // A grid out of place by some power of ten.
+        // A framework of the textbooks that has a self-stress, out of place by some power of ten.
         _ => {
-            let off = 10f64.powf(rng.random_range(-16.0..-4.0));
-            let places = (0..count)
-                .map(|p| {
-                    Vector3::new(
-                        (p % 3) as f64 + off * rng.random_range(-1.0..1.0),
-                        (p / 3) as f64 + off * rng.random_range(-1.0..1.0),
-                        0.0,
-                    )
-                })
-                .collect();
-            Framework::free(2, places, some_pairs(rng, count, 0.6))
+            let off = 10f64.powf(rng.random_range(-17.0..-5.0));
+            let mut all: Vec<Known> = known().into_iter().filter(|known| known.expected[2] == 1).collect();
+            let mut framework = all.swap_remove(rng.random_range(0..all.len())).framework;
+            let dimension = framework.dimension;
+            for x in &mut framework.places {
+                *x +=
+                    Vector3::from_fn(|axis, _| if axis < dimension { off * rng.random_range(-1.0..1.0) } else { 0.0 });
+            }
+            framework
         }
     };
     let supported = rng.random_range(0..6);
@@ -273,7 +271,6 @@ fn rigid_motions(model: &Model, x: &[Vector3<f64>]) -> usize {
 
 /// How a framework was judged.
 pub struct Judged {
-    pub rank: Rank,
     pub decided: bool,
     pub self_stresses: usize,
     /// Mechanisms that are no rigid motions.
@@ -353,7 +350,6 @@ pub fn judged(framework: &Framework) -> sprung::Result<(Judged, Mechanisms)> {
         }
     }
     let judged = Judged {
-        rank: true_rank,
         decided: found.decided,
         self_stresses: found.self_stresses,
         beside_rigid: found.mechanisms.saturating_sub(found.rigid_motions),

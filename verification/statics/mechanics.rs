@@ -138,6 +138,11 @@ impl Model {
         matrix
     }
 
+    /// The eigenvalues of a symmetric matrix; of an empty one there are none.
+    pub fn eigenvalues(matrix: DMatrix<f64>) -> Vec<f64> {
+        if matrix.is_empty() { Vec::new() } else { matrix.symmetric_eigenvalues().iter().copied().collect() }
+    }
+
     /// −K with rows and columns over the roots of the masses.
     pub fn scaled_stiffness(&self, x: &[Vector3<f64>]) -> DMatrix<f64> {
         let root = self.row_masses().map(f64::sqrt);

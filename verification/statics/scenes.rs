@@ -23,7 +23,6 @@ pub const KINDS: [&str; 10] = [
 
 /// A scene.
 pub struct Drawn {
-    pub kind: &'static str,
     pub system: System,
     pub state: State,
     /// Whether the search goes on from saddles.
@@ -196,9 +195,16 @@ pub fn scene(seed: u64, most: usize) -> sprung::Result<Drawn> {
     let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
     // Stiffnesses k, unequal by factors; strains of springs at the start, equal or each its own.
     let stiffness = logarithmic(rng, 10.0, 1e4);
-    let spread = [1.0, 2.0, 10.0][rng.random_range(0..3)];
-    let stretch = [0.0, 0.05, -0.05, 0.2, -0.2][rng.random_range(0..5)];
-    let scatter = [0.0, 0.0, 0.1][rng.random_range(0..3)];
+    let mut spread = [1.0, 2.0, 10.0][rng.random_range(0..3)];
+    let mut stretch = [0.0, 0.05, -0.05, 0.2, -0.2][rng.random_range(0..5)];
+    let mut scatter = [0.0, 0.0, 0.1][rng.random_range(0..3)];
+    let mut noise = [0.0, 1e-3, 0.1, 0.3][rng.random_range(0..4)];
+    // Chains and columns without any imperfection have saddles.
+    let is_perfect = [4, 7].contains(&kind) && rng.random_bool(0.4);
+    if is_perfect {
+        (spread, scatter, noise) = (1.0, 0.0, 0.0);
+        stretch = if kind == 4 { -0.1 } else { 0.0 };
+    }
     let slack_share = if kind == 9 { rng.random_range(0.2..1.0) } else { 0.0 };
     let zero_share = if kind == 8 { [1.0, 0.5][rng.random_range(0..2)] } else { 0.0 };
     let corners = count / 2;
@@ -206,12 +212,14 @@ pub fn scene(seed: u64, most: usize) -> sprung::Result<Drawn> {
     let mut tension_only = Vec::new();
     for (number, &[i, j]) in pairs.iter().enumerate() {
         let length = (places[i] - places[j]).norm();
-        let k = if spread > 1.0 { stiffness * logarithmic(rng, 1.0 / spread, spread) } else { stiffness };
+        let mut k = if spread > 1.0 { stiffness * logarithmic(rng, 1.0 / spread, spread) } else { stiffness };
         let mut rest = length / (1.0 + stretch + rng.random_range(-1.0..1.0) * scatter);
         if kind == 6 {
             // Force densities of the self-stress: 1 in the polygons, 2 sin(π/m) up, and as much, pressed, in the struts.
             let up = 2.0 * (TAU / 2.0 / corners as f64).sin();
             let density = [1.0, 1.0, up, -up][number % 4] * prestress * stiffness;
+            // No strut is pressed by more than a quarter.
+            k = k.max(4.0 * length * density.abs());
             rest = length * k / (k + density * length);
         } else if kind == 7 {
             rest = length;
@@ -222,7 +230,6 @@ pub fn scene(seed: u64, most: usize) -> sprung::Result<Drawn> {
         tension_only.push(slack_share > 0.0 && rng.random_bool(slack_share));
         builder.spring(i, j, Spring { stiffness: k, rest_length: rest, damping: 0.0 });
     }
-    let noise = [0.0, 1e-3, 0.1, 0.3][rng.random_range(0..4)];
     for place in &places {
         let moved =
             Vector3::from_fn(
@@ -230,7 +237,7 @@ pub fn scene(seed: u64, most: usize) -> sprung::Result<Drawn> {
                     if axis < dimension && noise > 0.0 { noise * rng.random_range(-1.0..1.0) } else { 0.0 }
                 },
             );
-        builder.particle((place + moved).into(), rng.random_range(0.1..1.0));
+        builder.particle((place + moved).into(), if is_perfect { 0.5 } else { rng.random_range(0.1..1.0) });
     }
     // No support, one, some along some axes, or those of the kind.
     let supporting = rng.random_range(0.0..1.0);
@@ -247,7 +254,7 @@ pub fn scene(seed: u64, most: usize) -> sprung::Result<Drawn> {
     }
     let is_unsupported = supporting < 0.12;
     // Weight as a part of the stiffness.
-    if rng.random_bool(if is_unsupported { 0.3 } else { 0.7 }) {
+    if !is_perfect && rng.random_bool(if is_unsupported { 0.3 } else { 0.7 }) {
         let total: f64 = builder.masses.iter().sum();
         let g = stiffness * logarithmic(rng, 1e-4, 1.0) / total;
         if rng.random_bool(0.8) && dimension > 1 {
@@ -265,7 +272,7 @@ pub fn scene(seed: u64, most: usize) -> sprung::Result<Drawn> {
         for force in forces.iter_mut().skip(count - 2) {
             force.y = -load;
         }
-    } else if loading < 0.4 {
+    } else if loading < 0.4 && !is_perfect {
         let size = stiffness * logarithmic(rng, 1e-4, 0.3) / (count as f64).sqrt();
         forces = (0..count)
             .map(|_| {
@@ -285,5 +292,5 @@ pub fn scene(seed: u64, most: usize) -> sprung::Result<Drawn> {
     if tension_only.contains(&true) {
         system = system.with_behaviour(Behaviour { tension_only, ..Behaviour::default() })?;
     }
-    Ok(Drawn { kind: KINDS[kind], system, state, leaves_saddles })
+    Ok(Drawn { system, state, leaves_saddles })
 }

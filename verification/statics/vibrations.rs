@@ -157,7 +157,11 @@ pub fn judged(system: &System, state: &State, count: usize) -> sprung::Result<Ju
     let last = found.modes.last().map_or(0.0, |mode| mode.eigenvalue);
     let zeros = reference.len() - others;
     if (last >= 0.0 && found.zero_modes.len() != zeros) || found.zero_modes.len() > zeros {
-        wrong.push(format!("{} zero modes of {zeros}", found.zero_modes.len()));
+        wrong.push(format!(
+            "{} zero modes of {zeros}; the next is {:.1e} of the largest",
+            found.zero_modes.len(),
+            found.gap[1] / largest
+        ));
     }
     if !found.complete {
         wrong.push("not counted".into());
