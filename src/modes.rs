@@ -11,7 +11,8 @@
 //! Problem, 15.9).
 //!
 //! **Zero modes.** Rigid motions of a body that nothing strains or holds, and mechanisms, have ω² = 0 up to rounding of K. The search starts from the
-//! rigid motions, which are known. An eigenvalue within rounding of zero, relative to ‖M⁻¹K‖, counts as zero; the gap to the next one is reported.
+//! rigid motions, which are known. An eigenvalue within rounding of zero counts as zero: rounding of sums, relative to ‖M⁻¹K‖, and that of positions, which
+//! leaves springs strained that are at rest. The gap to the next one is reported.
 //!
 //! **Damping.** `φᵀ(−G)φ/(2ω)`, exact where modes diagonalise G.
 
@@ -131,7 +132,9 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
     let stiffness = matrices.k().scaled(-1.0);
     let mut work = Work::default();
     let zero = ZERO * weighted_norm(&stiffness, &masses);
-    let rigid = unresisted(&stiffness, &masses, rigid_motions(system, &state.positions), zero);
+    let geometry = SpringGeometry::at(system, state)?;
+    let rounding = Rounding { system, state, geometry: &geometry, of_sums: zero };
+    let rigid = unresisted(&stiffness, &masses, rigid_motions(system, &state.positions), &rounding);
     let rigid_motions = rigid.len();
     let mut result = Modes {
         modes: Vec::new(),
@@ -157,7 +160,7 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         let wanted = (count + rigid_motions).min(order);
         let pairs = uncounted(system, state, &stiffness, masses, &rigid, wanted, &mut work)?;
         (result.complete, result.counted_below) = (false, f64::NAN);
-        result.sort(pairs, count, zero);
+        result.sort(pairs, count, &rounding);
         result.name_hanging(system);
         result.work = work;
         return Ok(result);
@@ -166,7 +169,7 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
     let pencil = Pencil { masses: Some(masses), ..Pencil::of(&stiffness) };
     let mut search = ShiftInvert::new(pencil, &mut factorization, &mut work);
     search.known = rigid;
-    let is_zero = |pair: &Eigenpair| is_zero(pair, zero);
+    let is_zero = |pair: &Eigenpair| rounding.hides(pair);
     let mut wanted = (count + rigid_motions).min(order);
     let mut pairs = loop {
         // Twice the space of the search.
@@ -197,7 +200,7 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         let found = pairs.iter().filter(|pair| pair.value < result.counted_below).count();
         result.complete = search.below(result.counted_below) == Some(found);
     }
-    result.sort(pairs, count, zero);
+    result.sort(pairs, count, &rounding);
     result.name_hanging(system);
     result.work = work;
     Ok(result)
@@ -213,9 +216,49 @@ fn loose_parts(system: &System, state: &State) -> Vec<Vec<usize>> {
     bodies.into_iter().filter(is_loose).map(|body| body.particles).collect()
 }
 
-/// Whether an eigenvalue is zero to rounding; one that is known less exactly, where zero is within its residual.
-fn is_zero(pair: &Eigenpair, zero: f64) -> bool {
-    pair.value.abs() <= zero.max(pair.residual.min(1e3 * zero))
+/// What eigenvalues of zero may become by rounding.
+struct Rounding<'a> {
+    system: &'a System,
+    state: &'a State,
+    geometry: &'a SpringGeometry,
+    /// By that of the sums in K and in `φᵀKφ`, in 1/s².
+    of_sums: f64,
+}
+
+impl Rounding<'_> {
+    /// Whether an eigenvalue is zero to rounding; one that is known less exactly, where zero is within its residual.
+    fn hides(&self, pair: &Eigenpair) -> bool {
+        let limit = self.of_sums.max(pair.residual.min(1e3 * self.of_sums));
+        pair.value.abs() <= limit || pair.value.abs() <= self.of_positions(&pair.vector)
+    }
+
+    /// Springs with `κ δ/l`, in N/m: rounding of the positions and of the rest length makes a length uncertain by `δ = ε (|xᵢ| + |xⱼ|)`, and the
+    /// transverse stiffness T/l of a spring at rest by that.
+    fn transverse(&self) -> impl Iterator<Item = ([usize; 2], f64)> + '_ {
+        let size = |p: usize| self.state.positions[p].norm();
+        self.geometry.springs(self.system).filter(|(_, at)| at.length > 0.0).map(move |((_, [i, j], spring), at)| {
+            ([i, j], spring.axial_stiffness() * f64::EPSILON * (size(i) + size(j)) / at.length)
+        })
+    }
+
+    /// `Σ κ (δ/l) |uᵢ − uⱼ|²`, no less than what they change an eigenvalue of zero by.
+    fn of_positions(&self, vector: &[f64]) -> f64 {
+        let dofs = self.system.dofs();
+        self.transverse().map(|([i, j], size)| size * (dofs.get(vector, i) - dofs.get(vector, j)).norm_squared()).sum()
+    }
+
+    /// The square of the norm `‖M^{-1/2} f‖` of the forces that they give to a motion.
+    fn of_forces(&self, motion: &[f64]) -> f64 {
+        let dofs = self.system.dofs();
+        let mut forces = vec![0.0; self.system.particles()];
+        for ([i, j], size) in self.transverse() {
+            let force = size * (dofs.get(motion, i) - dofs.get(motion, j)).norm();
+            forces[i] += force;
+            forces[j] += force;
+        }
+        let masses = self.system.masses();
+        (0..forces.len()).filter(|&p| !dofs.rows(p).is_empty()).map(|p| forces[p].powi(2) / masses[p]).sum()
+    }
 }
 
 /// The lowest pairs by products and multigrid, without a factorization and without a count: Davidson's method on `M⁻¹A`, preconditioned with multigrid for
@@ -289,7 +332,7 @@ fn weighted_norm(a: &SymmetricMatrix, masses: &[f64]) -> f64 {
 }
 
 /// The motions of a set, orthonormal in M, that a matrix does not resist.
-fn unresisted(a: &SymmetricMatrix, masses: &[f64], motions: Vec<Vec<f64>>, zero: f64) -> Vec<Eigenpair> {
+fn unresisted(a: &SymmetricMatrix, masses: &[f64], motions: Vec<Vec<f64>>, rounding: &Rounding<'_>) -> Vec<Eigenpair> {
     if motions.is_empty() {
         return Vec::new();
     }
@@ -303,6 +346,8 @@ fn unresisted(a: &SymmetricMatrix, masses: &[f64], motions: Vec<Vec<f64>>, zero:
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).zip(masses).map(|((a, b), mass)| a * b / mass).sum::<f64>();
     let form = DMatrix::from_fn(motions.len(), motions.len(), |i, j| product(&forces[i], &forces[j]));
     let eigen = nalgebra::SymmetricEigen::new(form);
+    let of_positions = motions.iter().map(|motion| rounding.of_forces(motion)).sum::<f64>().sqrt();
+    let zero = rounding.of_sums.max(of_positions);
     let free = (0..motions.len()).filter(|&k| eigen.eigenvalues[k].max(0.0).sqrt() <= zero);
     free.map(|k| {
         let mut vector = vec![0.0; a.order()];
@@ -368,8 +413,8 @@ pub struct StateSpace {
 
 impl Modes {
     /// Takes over pairs, ascending: zero modes, and `count` others.
-    fn sort(&mut self, pairs: Vec<Eigenpair>, count: usize, zero: f64) {
-        let (zeros, others): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|pair| is_zero(pair, zero));
+    fn sort(&mut self, pairs: Vec<Eigenpair>, count: usize, rounding: &Rounding<'_>) {
+        let (zeros, others): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|pair| rounding.hides(pair));
         let largest = |bound: f64, pair: &Eigenpair| bound.max(pair.value.abs());
         let smallest = |bound: f64, pair: &Eigenpair| bound.min(pair.value.abs());
         self.gap = [zeros.iter().fold(0.0, largest), others.iter().fold(f64::INFINITY, smallest)];

@@ -122,10 +122,11 @@ impl Body {
         if admitted.is_empty() {
             return Vec::new();
         }
+        // Relative to all motions: those admitted may be none but the rotation of a row of particles about itself.
+        let size = free.trace();
         let projected = admitted.transpose() * free * &admitted;
         let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(projected);
-        let largest = eigenvalues.max();
-        let kept = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] > NOTHING * largest);
+        let kept = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] > NOTHING * size);
         kept.map(|k| {
             let coefficients = &admitted * eigenvectors.column(k) / eigenvalues[k].sqrt();
             let velocity = |&p: &usize| {
@@ -168,6 +169,25 @@ mod tests {
     use super::*;
     use crate::spring::Spring;
     use crate::system::{Constraint, SystemBuilder};
+
+    /// A row of particles that is held at two of them cannot move, though nothing stops its rotation about itself.
+    #[test]
+    fn a_row_does_not_turn_about_itself() {
+        for (held, motions) in [(vec![0, 1], 0), (vec![0], 2), (vec![], 5)] {
+            let mut builder = SystemBuilder::new();
+            for place in [0.0, 1.1, 2.3, 3.7] {
+                builder.particle([place, 0.5 * place, 0.25 * place], 1.0);
+            }
+            for p in 0..3 {
+                builder.spring(p, p + 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+            }
+            builder.spring(0, 3, Spring { stiffness: 1.0, rest_length: 4.0, damping: 0.0 });
+            builder.spring(1, 3, Spring { stiffness: 1.0, rest_length: 3.0, damping: 0.0 });
+            builder.constrain(Constraint::hold(held));
+            let (system, state) = builder.build().unwrap();
+            assert_eq!(rigid_motions(&system, &state.positions).len(), motions);
+        }
+    }
 
     /// A triangle, a bar and a free particle, with a held particle beside: 6 + 5 + 3 motions; by constraints fewer.
     #[test]

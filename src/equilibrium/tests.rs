@@ -134,6 +134,46 @@ fn minima_are_minima() {
     }
 }
 
+/// Free tensegrity prisms out of place: on the way −K is hardly indefinite, and regularised steps creep, while more force is left than tells its lowest
+/// eigenvalue from zero.
+#[test]
+fn searches_do_not_creep_where_little_is_negative() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(17_2026);
+    for trial in 0..80 {
+        let struts = 3 + trial % 6;
+        let turned = std::f64::consts::PI * (0.5 - 1.0 / struts as f64);
+        let up = 2.0 * (std::f64::consts::PI / struts as f64).sin();
+        let height = rng.random_range(0.5..2.0);
+        let place = |p: usize| {
+            let angle = std::f64::consts::TAU * (p % struts) as f64 / struts as f64;
+            let (angle, y) = if p < struts { (angle, 0.0) } else { (angle + turned, height) };
+            [angle.cos(), y, angle.sin()]
+        };
+        let mut builder = SystemBuilder::new();
+        for p in 0..2 * struts {
+            builder.particle(place(p).map(|x| x + 0.3 * rng.random_range(-1.0..1.0)), 1.0);
+        }
+        let prestress = rng.random_range(0.005..0.1);
+        for k in 0..struts {
+            let next = (k + 1) % struts;
+            let bars = [(k, next, 1.0), (struts + k, struts + next, 1.0), (k, struts + k, up), (k, struts + next, -up)];
+            for (i, j, density) in bars {
+                let length = (0..3).map(|axis| (place(i)[axis] - place(j)[axis]).powi(2)).sum::<f64>().sqrt();
+                let stiffness: f64 = rng.random_range(0.5..2.0);
+                builder.spring(
+                    i,
+                    j,
+                    spring(stiffness, length * stiffness / (stiffness + density * prestress * length)),
+                );
+            }
+        }
+        let (system, state) = builder.build().unwrap();
+        let found = find(&system, &state);
+        assert_eq!(found.stability, Stability::Indifferent, "{trial}");
+        assert!(found.residual <= 1e-10 && found.iterations < 1000, "{trial}: {}", found.iterations);
+    }
+}
+
 /// Taylor's theorem for a random cost at a hanging net: what the gradient leaves is of second order in the change, for every kind of parameter.
 #[test]
 fn the_gradient_is_that_of_the_equilibrium() {

@@ -2,12 +2,17 @@
 
 #[path = "exactness.rs"]
 mod exactness_sample;
+#[path = "statics.rs"]
+mod statics_sample;
 #[path = "study.rs"]
 mod study_sample;
 
 #[allow(dead_code, reason = "the sample uses a part of it")]
 #[path = "../exactness/pair.rs"]
 mod pair;
+#[allow(dead_code, reason = "the sample uses a part of it")]
+#[path = "../statics/mod.rs"]
+mod statics;
 #[allow(dead_code, reason = "the sample uses a part of it")]
 #[path = "../study/mod.rs"]
 mod study;

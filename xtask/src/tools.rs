@@ -16,6 +16,8 @@ pub enum Tool {
     Accuracy(Words),
     /// Measure --accuracy on ready scenes of all sizes: verification/ready.md; an hour
     Ready(Words),
+    /// Hold equilibria, mechanisms and modes to second methods and closed forms: verification/statics.md; minutes
+    Statics(Words),
     /// Compare methods on a swinging cloth: the table of verification/motion.md; minutes
     Motion(Words),
     /// Draw work–precision diagrams and stability maps: verification/charts; minutes
@@ -62,6 +64,7 @@ impl Tool {
             Self::Exactness(_) => tool("exactness"),
             Self::Accuracy(_) => tool("accuracy"),
             Self::Ready(_) => tool("ready"),
+            Self::Statics(_) => tool("statics"),
             Self::Motion(_) => tool("motion"),
             Self::Charts(_) => tool("charts"),
             Self::Auto(_) => tool("auto"),
@@ -79,6 +82,7 @@ impl Tool {
         | Self::Exactness(given)
         | Self::Accuracy(given)
         | Self::Ready(given)
+        | Self::Statics(given)
         | Self::Motion(given)
         | Self::Charts(given)
         | Self::Peers(given)
