@@ -159,7 +159,7 @@ pub fn framework(seed: u64) -> Framework {
             let mut pairs = Vec::new();
             for step in 1..=corners / 2 {
                 for storey in 0..storeys {
-                    for p in (0..corners).filter(|_| step == 1 || (step + seed as usize / 10) % 3 == 0) {
+                    for p in (0..corners).filter(|_| step == 1 || (step + seed as usize / 10).is_multiple_of(3)) {
                         let [i, j] = [p, (p + step) % corners].map(|p| storey * corners + p);
                         if 2 * step != corners || p < corners / 2 {
                             pairs.push([i, j]);
@@ -342,7 +342,7 @@ pub fn judged(framework: &Framework) -> sprung::Result<(Judged, Mechanisms)> {
             let eigenvalues = form.symmetric_eigenvalues();
             let (low, high) = (eigenvalues.min(), eigenvalues.max());
             let size = low.abs().max(high.abs());
-            let is_definite = low > 1e-6 * size && size > 1e-9 || high < -1e-6 * size && size > 1e-9;
+            let is_definite = low > 1e-6 * size || high < -1e-6 * size;
             let is_open = low.abs().min(high.abs()) < 1e-6 * size || size < 1e-9;
             if !is_open && found.prestress_stable != Some(is_definite) {
                 wrong.push(format!("prestress stable: {:?}, not {is_definite}", found.prestress_stable));

@@ -19,7 +19,7 @@ use std::path::Path;
 #[derive(Parser)]
 struct Arguments {
     /// The first seed of each part
-    #[arg(long, default_value_t = 2000)]
+    #[arg(long, default_value_t = 10_000)]
     first: u64,
 
     /// Scenes of each part; 1000 equilibria, 500 frameworks and 200 scenes with modes if not given
@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let mut command = String::from("cargo xtask statics");
-    if arguments.first != 2000 {
+    if arguments.first != 10_000 {
         command.push_str(&format!(" --first {}", arguments.first));
     }
     if let Some(count) = arguments.count {
