@@ -203,6 +203,9 @@ const ARMIJO: f64 = 1e-4;
 /// to second order, which the next step undoes.
 const MEMORY: usize = 10;
 
+/// A shift that is rounding, as a part of ‖K‖.
+const SINGULAR: f64 = 1e-10;
+
 /// The residual below which a search is near an equilibrium.
 const NEAR: f64 = 1e-3;
 
@@ -344,23 +347,30 @@ impl<'s> Search<'s> {
         }
     }
 
-    /// p of `−K p = f`. Where −K is not positive definite, far from an equilibrium with option *tension*, near one with −K + σ, σ about the smallest that
-    /// makes it positive definite: there soft directions of negative curvature decide, and *tension* is far too stiff along them.
+    /// p of `−K p = f`. Where −K is singular by free motions alone, a shift of rounding makes it positive definite. Where it has negative
+    /// eigenvalues, option *tension* takes its place far from an equilibrium, and −K + σ near one, σ about the smallest that makes it positive definite:
+    /// there soft directions of negative curvature decide, and *tension* is far too stiff along them.
     fn newton_step(&mut self) -> Result<Vec<f64>> {
         let mut a = self.assemble(Stiffness::Full)?;
+        if self.factor(&a) {
+            return Ok(self.solve());
+        }
+        let norm = Some(norm_of(&a)).filter(|norm| *norm > 0.0).unwrap_or(self.acting);
+        let mut added = SINGULAR * norm;
+        a.shift(added);
         if self.factor(&a) {
             return Ok(self.solve());
         }
         let is_near = self.residual() < NEAR;
         if !is_near {
             a = self.assemble(Stiffness::Tension)?;
+            added = 0.0;
             if self.factor(&a) {
                 return Ok(self.solve());
             }
         }
-        let norm = Some(norm_of(&a)).filter(|norm| *norm > 0.0).unwrap_or(self.acting);
-        let [least, growth] = if is_near { [(0.125 * self.shift).max(1e-8 * norm), 4.0] } else { [1e-9 * norm, 100.0] };
-        let (mut shift, mut added) = (least, 0.0);
+        let [mut shift, growth] =
+            if is_near { [(0.125 * self.shift).max(1e-8 * norm), 4.0] } else { [1e-9 * norm, 100.0] };
         while shift < norm {
             a.shift(shift - added);
             added = shift;
