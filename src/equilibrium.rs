@@ -235,7 +235,7 @@ struct Search<'s> {
     /// Net forces on the free coordinates, and the largest force that acts.
     force: Vec<f64>,
     acting: f64,
-    rounding: f64,
+    rounding: [f64; 2],
     energy: f64,
     /// The last σ, in N/m.
     shift: f64,
@@ -266,7 +266,7 @@ impl<'s> Search<'s> {
             state,
             geometry,
             acting: 0.0,
-            rounding: 0.0,
+            rounding: [0.0; 2],
             energy: 0.0,
             shift: 0.0,
             recent: VecDeque::new(),
@@ -289,7 +289,7 @@ impl<'s> Search<'s> {
         let mut forces = vec![Vector3::zeros(); system.particles()];
         add_elastic_force(system, geometry, &mut forces);
         let tension = geometry.springs(system).map(|((_, _, spring), at)| spring.elastic_force(at).norm());
-        self.acting = tension.fold(largest(loads).max(self.rounding / ROUNDING), f64::max);
+        self.acting = tension.fold(largest(loads).max(self.rounding[0] / ROUNDING), f64::max);
         forces.iter_mut().zip(loads.iter()).for_each(|(f, load)| *f += load);
         system.dofs().gather(&forces, &mut self.force);
         let elastic: f64 =
@@ -297,14 +297,15 @@ impl<'s> Search<'s> {
         self.energy = elastic - loads.iter().zip(&state.positions).map(|(f, x)| f.dot(x)).sum::<f64>();
     }
 
-    /// The force on a particle that rounding of positions makes, at most. No search gets below it.
-    fn rounding(&self) -> f64 {
+    /// The forces that rounding of positions makes: of the stiffest spring, and of all springs of a particle. No search gets below these.
+    fn rounding(&self) -> [f64; 2] {
         let extent = self.state.positions.iter().fold(0.0f64, |extent, x| extent.max(x.amax()));
-        let mut stiffness = vec![0.0; self.system.particles()];
+        let (mut stiffest, mut sums) = (0.0f64, vec![0.0; self.system.particles()]);
         for ((_, ends, spring), _) in self.geometry.springs(self.system) {
-            ends.iter().for_each(|&end| stiffness[end] += spring.axial_stiffness());
+            stiffest = stiffest.max(spring.axial_stiffness());
+            ends.iter().for_each(|&end| sums[end] += spring.axial_stiffness());
         }
-        stiffness.into_iter().fold(0.0, f64::max) * extent * f64::EPSILON
+        [stiffest, sums.into_iter().fold(0.0, f64::max)].map(|stiffness| stiffness * extent * f64::EPSILON)
     }
 
     /// The largest force left on a free coordinate, in N.
@@ -318,7 +319,7 @@ impl<'s> Search<'s> {
     }
 
     fn has_converged(&self) -> bool {
-        self.residual() <= self.options.tolerance || self.left() <= self.rounding
+        self.residual() <= self.options.tolerance || self.left() <= self.rounding[1]
     }
 
     fn run(mut self) -> Result<Equilibrium> {
