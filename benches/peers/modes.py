@@ -427,11 +427,13 @@ def main(what, *arguments):
         with tempfile.TemporaryDirectory() as scratch:
             out = f"{scratch}/planted.json"
             subprocess.run(own("planted-child", out), check=True)
+            results = json.loads(DATA.read_text()) if DATA.exists() else {}
             results["planted"] = json.loads(Path(out).read_text())
     elif what == "proteins":
         new = proteins(*arguments)
-        kept = {scene["name"]: scene for scene in results.get("proteins", {}).get("scenes", [])} | {scene["name"]: scene for scene in new["scenes"]}
+        # Other parts may have been written meanwhile.
         results = json.loads(DATA.read_text()) if DATA.exists() else {}
+        kept = {scene["name"]: scene for scene in results.get("proteins", {}).get("scenes", [])} | {scene["name"]: scene for scene in new["scenes"]}
         results["proteins"] = {"date": new["date"], "scenes": [kept[name] for name in PROTEINS if name in kept]}
     elif what == "large":
         new = large()
