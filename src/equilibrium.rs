@@ -209,6 +209,9 @@ const SINGULAR: f64 = 1e-10;
 /// The residual below which a search is near an equilibrium.
 const NEAR: f64 = 1e-3;
 
+/// Shifted steps in a row that have to halve the residual.
+const PATIENCE: usize = 20;
+
 /// Halvings of a step at most.
 const HALVINGS: usize = 50;
 
@@ -324,19 +327,32 @@ impl<'s> Search<'s> {
 
     fn run(mut self) -> Result<Equilibrium> {
         loop {
+            let (mut shifted, mut before) = (0, f64::INFINITY);
             while !self.has_converged() {
                 if self.iterations == self.options.iterations {
                     return self.end(Stability::NotConverged);
                 }
                 self.iterations += 1;
-                let step = self.newton_step()?;
+                let (step, is_shifted) = self.newton_step()?;
                 if !self.line_search(&step) {
                     return self.end(Stability::NotConverged);
+                }
+                // A direction of negative curvature along which no force acts keeps σ large.
+                shifted = if is_shifted { shifted + 1 } else { 0 };
+                if shifted == PATIENCE {
+                    let is_slow = self.residual() > 0.5 * before;
+                    (shifted, before) = (0, self.residual());
+                    if self.options.leave_saddles
+                        && is_slow
+                        && let Some(direction) = self.unstable_direction(false)?
+                    {
+                        self.leave(&direction);
+                    }
                 }
             }
             // One more step, at full length, takes the residual to rounding.
             self.polish()?;
-            let Some(direction) = self.unstable_direction()? else {
+            let Some(direction) = self.unstable_direction(true)? else {
                 let inertia = self.inertia()?;
                 let stability = if inertia.zero > 0 { Stability::Indifferent } else { Stability::Stable };
                 return Ok(self.ended(stability, inertia));
@@ -350,24 +366,24 @@ impl<'s> Search<'s> {
 
     /// p of `−K p = f`. Where −K is singular by free motions alone, a shift of rounding makes it positive definite. Where it has negative
     /// eigenvalues, option *tension* takes its place far from an equilibrium, and −K + σ near one, σ about the smallest that makes it positive definite:
-    /// there soft directions of negative curvature decide, and *tension* is far too stiff along them.
-    fn newton_step(&mut self) -> Result<Vec<f64>> {
+    /// there soft directions of negative curvature decide, and *tension* is far too stiff along them. Returns whether it was that shift.
+    fn newton_step(&mut self) -> Result<(Vec<f64>, bool)> {
         let mut a = self.assemble(Stiffness::Full)?;
         if self.factor(&a) {
-            return Ok(self.solve());
+            return Ok((self.solve(), false));
         }
         let norm = Some(norm_of(&a)).filter(|norm| *norm > 0.0).unwrap_or(self.acting);
         let mut added = SINGULAR * norm;
         a.shift(added);
         if self.factor(&a) {
-            return Ok(self.solve());
+            return Ok((self.solve(), false));
         }
         let is_near = self.residual() < NEAR;
         if !is_near {
             a = self.assemble(Stiffness::Tension)?;
             added = 0.0;
             if self.factor(&a) {
-                return Ok(self.solve());
+                return Ok((self.solve(), false));
             }
         }
         let [mut shift, growth] =
@@ -377,12 +393,12 @@ impl<'s> Search<'s> {
             added = shift;
             if self.factor(&a) {
                 self.shift = shift;
-                return Ok(self.solve());
+                return Ok((self.solve(), is_near));
             }
             shift *= growth;
         }
         // A matrix of no numbers: downhill.
-        Ok(self.force.clone())
+        Ok((self.force.clone(), false))
     }
 
     fn assemble(&mut self, option: Stiffness) -> Result<SymmetricMatrix> {
@@ -503,11 +519,12 @@ impl<'s> Search<'s> {
         ZERO * norm_of(a) + 10.0 * left / shortest
     }
 
-    /// The direction of the lowest eigenvalue of −K, where that is negative.
-    fn unstable_direction(&mut self) -> Result<Option<Vec<f64>>> {
+    /// The direction of the lowest eigenvalue of −K, where that is negative, at an equilibrium or on the way to one, where E falls along it however much
+    /// force is left.
+    fn unstable_direction(&mut self, is_at_rest: bool) -> Result<Option<Vec<f64>>> {
         self.lowest = None;
         let a = self.assemble(Stiffness::Full)?;
-        let band = self.zero_band(&a);
+        let band = if is_at_rest { self.zero_band(&a) } else { ZERO * norm_of(&a) };
         if a.order() == 0 || self.factor(&a) {
             return Ok(None);
         }
