@@ -240,6 +240,8 @@ struct Search<'s> {
     acting: f64,
     rounding: [f64; 2],
     energy: f64,
+    /// A body has rigid motions.
+    is_free: bool,
     /// The last σ, in N/m.
     shift: f64,
     /// E before the last steps, at most [`MEMORY`].
@@ -256,6 +258,7 @@ impl<'s> Search<'s> {
         state.check(system)?;
         let mut state = state.clone();
         state.velocities.fill(Vector3::zeros());
+        let is_free = bodies(system).iter().any(|body| !body.rigid_motions(system, &state.positions).is_empty());
         let geometry = SpringGeometry::at(system, &state)?;
         let matrices = Matrices::new(system)?;
         let work = Work { symbolic_factorizations: 1, ..Work::default() };
@@ -271,6 +274,7 @@ impl<'s> Search<'s> {
             acting: 0.0,
             rounding: [0.0; 2],
             energy: 0.0,
+            is_free,
             shift: 0.0,
             recent: VecDeque::new(),
             iterations: 0,
@@ -373,10 +377,13 @@ impl<'s> Search<'s> {
             return Ok((self.solve(), false));
         }
         let norm = Some(norm_of(&a)).filter(|norm| *norm > 0.0).unwrap_or(self.acting);
-        let mut added = SINGULAR * norm;
-        a.shift(added);
-        if self.factor(&a) {
-            return Ok((self.solve(), false));
+        let mut added = 0.0;
+        if self.is_free {
+            added = SINGULAR * norm;
+            a.shift(added);
+            if self.factor(&a) {
+                return Ok((self.solve(), false));
+            }
         }
         let is_near = self.residual() < NEAR;
         if !is_near {

@@ -341,8 +341,18 @@ impl<'a> ShiftInvert<'a> {
             space.refresh(&mut solve);
             found = space.iterate(tolerance, longest, &mut solve, None);
         }
-        let mut pairs: Vec<Eigenpair> =
-            found.into_iter().take(wanted).map(|pair| eigenpair(pencil, pair.image)).collect();
+        // Images are nearer to the eigenvectors than Ritz vectors, and orthogonal to the tolerance only.
+        let mut pairs: Vec<Eigenpair> = Vec::with_capacity(wanted);
+        for Ritz { mut image, .. } in found.into_iter().take(wanted) {
+            for Eigenpair { vector, .. } in &pairs {
+                let part = match masses {
+                    Some(masses) => vector.iter().zip(&image).zip(masses).map(|((a, b), mass)| a * b * mass).sum(),
+                    None => dot(vector, &image),
+                };
+                image.iter_mut().zip(vector).for_each(|(x, v)| *x -= part * v);
+            }
+            pairs.push(eigenpair(pencil, image));
+        }
         pairs.sort_by(|a, b| end.rank(a.value).total_cmp(&end.rank(b.value)));
         pairs
     }

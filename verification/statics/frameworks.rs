@@ -337,7 +337,7 @@ pub fn judged(framework: &Framework) -> sprung::Result<(Judged, Mechanisms)> {
             }
             wrong.extend(added_springs_are_wrong(framework, &found)?);
         }
-        if !is_large && beside > 0 && found.self_stresses == 1 {
+        if !is_large && beside > 0 && found.self_stresses == 1 && !found.motions.is_empty() {
             let form = stress_form(&model, x, &found);
             let eigenvalues = form.symmetric_eigenvalues();
             let (low, high) = (eigenvalues.min(), eigenvalues.max());
