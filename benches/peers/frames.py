@@ -26,6 +26,7 @@ import os
 import subprocess
 import sys
 import warnings
+from datetime import date
 from pathlib import Path
 
 for library in ("OMP", "OPENBLAS", "MKL"):
@@ -117,6 +118,7 @@ def main():
     given = arguments.parse_args()
     results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {"versions": {}, "methods": {}, "scenes": {}, "points": []}
     if not given.page:
+        results["measured"] = f"{date.today().isoformat()}, {frames_page.processor()}"
         program = given.program
         if program is None:
             subprocess.run(["cargo", "build", "--release", "--bin", "sprung"], check=True, cwd=ROOT)

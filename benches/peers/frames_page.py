@@ -96,7 +96,46 @@ def whole(results, scene, curves):
     return rows, [simulator for simulator, right in shown.items() if not right]
 
 
-def draw(results, scene, curves, file):
+def leading(curves):
+    """Three of ours and three of others, those that are cheapest at the most accuracies; of others first the best of each program."""
+    def wins(whose):
+        count = defaultdict(float)
+        for accuracy in ACCURACIES:
+            times = sorted((best[0], who) for who, points in curves.items() if whose(who) and (best := cheapest(points, accuracy)))
+            for place, (_, who) in enumerate(times[:3]):
+                count[who] += 1 / (1 + place)
+        return sorted(count, key=count.get, reverse=True)
+
+    ours, others = wins(lambda who: who[0] == "sprung"), wins(lambda who: who[0] != "sprung")
+    first = {}
+    for who in others:
+        first.setdefault(who[0], who)
+    others = [*first.values(), *(who for who in others if who not in first.values())]
+    return {who: curves[who] for who in [*ours[:3], *others[:3]]}
+
+
+def takeaway(curves):
+    """Where ours is ahead, in a line."""
+    ratios = {}
+    for accuracy in ACCURACIES:
+        found = [(best[0], who[0] == "sprung") for who, points in curves.items() if (best := cheapest(points, accuracy))]
+        mine, peer = (min((ms for ms, is_mine in found if is_mine == which), default=None) for which in (True, False))
+        if mine:
+            ratios[accuracy] = peer / mine if peer else math.inf
+    # From the smallest error up to the first at which it is not.
+    ahead = []
+    for accuracy in sorted(ratios):
+        if ratios[accuracy] < 1.1:
+            break
+        ahead.append(accuracy)
+    if not ahead:
+        return "sprung is not ahead"
+    known = [ratios[accuracy] for accuracy in ahead if math.isfinite(ratios[accuracy])]
+    factors = " to ".join(f"{factor:.2g}" for factor in sorted({min(known), max(known)})) if known else None
+    return f"for errors of {max(ahead):g} and less sprung is {f'{factors} times as fast as the best of the others' if factors else 'alone'}"
+
+
+def draw(scene, curves, difference, title, file):
     import matplotlib
 
     matplotlib.use("svg")
@@ -111,9 +150,9 @@ def draw(results, scene, curves, file):
             axes.loglog(*zip(*good), color=COLOURS[simulator], marker=MARKERS[count[simulator] % len(MARKERS)], markersize=4, linewidth=1.1,
                         linestyle="-" if simulator == "sprung" else "--", label=f"{simulator} {method}")
             count[simulator] += 1
-    axes.axvline(results["scenes"][scene]["difference"], color="black", linewidth=0.6)
+    axes.axvline(difference, color="black", linewidth=0.6)
     axes.set(xlabel="relative position error at the end (left is more accurate)", ylabel="processor time a frame, ms")
-    axes.set_title(f"A frame of {scene}", loc="left", fontweight="bold")
+    axes.set_title(f"{scene}: {title}", loc="left", fontweight="bold")
     axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
     axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     figure.tight_layout()
@@ -124,17 +163,19 @@ def draw(results, scene, curves, file):
 def write(results, folder):
     """Replaces the results on the page; returns the conversions that convergence did not show to be right."""
     versions = ", ".join(f"{name} {version}" for name, version in results["versions"].items())
-    text = [MARK, f"Measured on {date.today().isoformat()}, {processor()}, one thread each, with {versions}.\n"]
+    text = [MARK, f"Measured on {results.setdefault('measured', f'{date.today().isoformat()}, {processor()}')}, one thread each, with {versions}.\n"]
     doubts = []
     for scene, facts in results["scenes"].items():
         curves = curves_of(results, scene)
-        file = f"frames-{scene.replace(' ', '-')}.svg"
-        draw(results, scene, curves, folder / file)
+        name = f"frames-{scene.replace(' ', '-')}"
+        draw(scene, leading(curves), facts["difference"], takeaway(curves), folder / f"{name}.svg")
+        draw(scene, curves, facts["difference"], "all methods", folder / f"{name}-all.svg")
         rows, wrong = whole(results, scene, curves)
         doubts += [f"{scene}: {simulator}" for simulator in wrong]
         text += [f"### {scene}\n", f"{facts['particles']} particles, {facts['springs']} springs, {facts['frames']} frames of 1/60 s. "
                  f"The two references differ by {facts['difference']:.0e}, which the thin vertical line in the picture marks.\n", *duel(results, curves), "",
-                 f"![Time of a frame over error, {scene}]({file})\n", *rows, ""]
+                 f"![Time of a frame over error, {scene}]({name}.svg)\n", "<details><summary>All methods</summary>\n",
+                 f"![Time of a frame over error, {scene}, all methods]({name}-all.svg)\n", *rows, "", "</details>\n"]
         if wrong:
             text.append(f"Convergence was not seen, within the limit of time, of any method of {' and '.join(wrong)} here.\n")
     page = folder / "frames.md"
