@@ -71,8 +71,11 @@ pub(crate) fn rigidly_aligned(reference: &[Vector3<f64>], positions: &[Vector3<f
     positions.iter().map(|x| to + turn * (x - centre)).collect()
 }
 
-/// Relative size of what counts as no motion of a held coordinate, and of what counts as no motion at all.
+/// Relative size of the squares of what counts as no motion of a held coordinate.
 const NOTHING: f64 = 1e-9;
+
+/// The part of a sum of squares of displacements that is its rounding, with room: a body is straight to a ten-millionth of its length.
+const ROUNDING: f64 = 1e-14;
 
 impl Body {
     /// A basis of the rigid motions that the constraints admit, as velocities of the body's particles, in their order; orthonormal in the inner product
@@ -126,7 +129,7 @@ impl Body {
         let size = free.trace();
         let projected = admitted.transpose() * free * &admitted;
         let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(projected);
-        let kept = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] > NOTHING * size);
+        let kept = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] > ROUNDING * size);
         kept.map(|k| {
             let coefficients = &admitted * eigenvectors.column(k) / eigenvalues[k].sqrt();
             let velocity = |&p: &usize| {

@@ -202,11 +202,11 @@ impl<'a> ShiftInvert<'a> {
         let (n, norm) = (self.order(), self.norm);
         let products = self.pencil.products;
         let of_recurrence = |tolerance: f64| largest(n, tolerance * norm, 1000, &mut |x, y| products.apply(x, y));
-        let (mut value, mut distance) = (of_recurrence(1e-5), Accuracy::CERTIFIED.edge[0] * norm);
+        let (mut value, mut distance) = (of_recurrence(1e-7), Accuracy::CERTIFIED.edge[0] * norm);
         let mut is_rough = true;
         while self.below(value + distance) != Some(n) {
             match is_rough {
-                true => value = of_recurrence(1e-9),
+                true => value = of_recurrence(1e-10),
                 false => distance *= 2.0,
             }
             is_rough = false;
