@@ -84,7 +84,7 @@ fn every_page_is_whole_at_every_width_light_and_dark() {
         ("chart.html", folder.read("chart/chart.html")),
         ("report.html", report),
         ("view.html", folder.read("run/view.html")),
-        ("view.html of a load path", folder.read("equilibrium/view.html")),
+        ("equilibrium.html of a load path", folder.read("equilibrium/equilibrium.html")),
         ("modes.html", folder.read("modes/modes.html")),
         ("mechanisms.html", folder.read("frame/mechanisms.html")),
     ];
