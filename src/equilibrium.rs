@@ -325,8 +325,11 @@ impl<'s> Search<'s> {
         if left == 0.0 { 0.0 } else { left / self.acting }
     }
 
+    /// A tolerance that rounding does not let it reach gives way to rounding, up to the default.
     fn has_converged(&self) -> bool {
-        self.residual() <= self.options.tolerance || self.left() <= self.rounding[1]
+        let is_rounding = self.left() <= self.rounding[1];
+        let tolerance = self.options.tolerance;
+        self.residual() <= if is_rounding { tolerance.max(EquilibriumOptions::default().tolerance) } else { tolerance }
     }
 
     fn run(mut self) -> Result<Equilibrium> {

@@ -20,6 +20,7 @@ use super::{BlockLanczos, Eigenpair, End, Ritz, Search, Tolerance, largest, prob
 use crate::assembly::SymmetricMatrix;
 use crate::error::{Invalid, Result, check_length};
 use crate::linear::{Ldlt, SOLVE_COLUMNS, dot};
+use crate::memory;
 use crate::operator::LinearOperator;
 use crate::work::Work;
 use faer::diag::Diag;
@@ -361,6 +362,8 @@ impl<'a> ShiftInvert<'a> {
 /// The lowest pairs by a dense decomposition of `M^{-1/2} A M^{-1/2}`, where a search would span much of the space anyway.
 fn dense(pencil: &Pencil<'_>, wanted: usize) -> Option<Vec<Eigenpair>> {
     let n = pencil.a.order();
+    // Two matrices, and as much again to work in.
+    memory::ensure(32 * (n * n) as u64, "a dense decomposition").ok()?;
     let root = |k: usize| pencil.masses.map_or(1.0, |masses| masses[k].sqrt());
     let mut a = Mat::<f64>::zeros(n, n);
     for (i, j, value) in pencil.a.to_csc().triplet_iter() {
@@ -368,8 +371,8 @@ fn dense(pencil: &Pencil<'_>, wanted: usize) -> Option<Vec<Eigenpair>> {
     }
     let (mut values, mut vectors) = (Diag::<f64>::zeros(n), Mat::<f64>::zeros(n, n));
     let scratch = self_adjoint_evd_scratch::<f64>(n, ComputeEigenvectors::Yes, Par::Seq, Default::default());
-    let mut memory = MemBuffer::new(scratch);
-    let stack = MemStack::new(&mut memory);
+    let mut buffer = MemBuffer::new(scratch);
+    let stack = MemStack::new(&mut buffer);
     self_adjoint_evd(a.as_ref(), values.as_mut(), Some(vectors.as_mut()), Par::Seq, stack, Default::default()).ok()?;
     let pair = |k: usize| eigenpair(pencil, (0..n).map(|i| vectors[(i, k)] / root(i)).collect());
     let mut pairs: Vec<Eigenpair> = (0..wanted.min(n)).map(pair).collect();

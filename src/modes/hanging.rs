@@ -9,20 +9,20 @@ use crate::system::System;
 pub(super) fn hanging(system: &System) -> Vec<Vec<usize>> {
     let graph = Graph::new(system);
     let ground = system.particles();
-    let rough = graph.pieces(std::iter::once(ground).chain(0..ground));
-    let mut sizes = vec![0; rough.above.len()];
-    rough.of_node[..ground].iter().for_each(|&piece| sizes[piece] += 1);
-    // From the ground, and of every body from its largest piece.
+    let first_pass = graph.components(std::iter::once(ground).chain(0..ground));
+    let mut sizes = vec![0; first_pass.above.len()];
+    first_pass.of_node[..ground].iter().for_each(|&component| sizes[component] += 1);
+    // From the ground, and of every body from its largest component.
     let mut starts: Vec<usize> = (0..ground).collect();
-    starts.sort_by_key(|&p| std::cmp::Reverse(sizes[rough.of_node[p]]));
-    let pieces = graph.pieces(std::iter::once(ground).chain(starts));
-    let mut top = vec![None; pieces.above.len()];
-    for (piece, above) in pieces.above.iter().enumerate() {
-        top[piece] = above.and_then(|above| top[above].or(Some(piece)));
+    starts.sort_by_key(|&p| std::cmp::Reverse(sizes[first_pass.of_node[p]]));
+    let components = graph.components(std::iter::once(ground).chain(starts));
+    let mut top = vec![None; components.above.len()];
+    for (component, above) in components.above.iter().enumerate() {
+        top[component] = above.and_then(|above| top[above].or(Some(component)));
     }
-    let mut parts: Vec<Vec<usize>> = vec![Vec::new(); pieces.above.len()];
-    for (p, piece) in pieces.of_node[..ground].iter().enumerate() {
-        if let Some(top) = top[*piece] {
+    let mut parts: Vec<Vec<usize>> = vec![Vec::new(); components.above.len()];
+    for (p, component) in components.of_node[..ground].iter().enumerate() {
+        if let Some(top) = top[*component] {
             parts[top].push(p);
         }
     }
@@ -39,8 +39,8 @@ struct Graph {
     neighbours: Vec<(usize, usize)>,
 }
 
-/// The pieces that remain without bridges. Each comes after that which it hangs from, or hangs from none.
-struct Pieces {
+/// The components that remain without bridges. Each comes after that which it hangs from, or hangs from none.
+struct Components {
     of_node: Vec<usize>,
     above: Vec<Option<usize>>,
 }
@@ -65,12 +65,12 @@ impl Graph {
     }
 
     /// By a search in depth, from each start that none before has reached.
-    fn pieces(&self, starts: impl Iterator<Item = usize>) -> Pieces {
+    fn components(&self, starts: impl Iterator<Item = usize>) -> Components {
         const NONE: usize = usize::MAX;
         let nodes = self.first.len() - 1;
         let mut next = self.first.clone();
-        // The place in the order of discovery, the least place that is reached from below, and the way down.
-        let (mut place, mut low, mut way) = (vec![NONE; nodes], vec![NONE; nodes], vec![(NONE, NONE); nodes]);
+        // The place in the order of discovery, the least place that is reached from below, and the spring and node by which it is entered.
+        let (mut place, mut low, mut entry) = (vec![NONE; nodes], vec![NONE; nodes], vec![(NONE, NONE); nodes]);
         let mut order = Vec::with_capacity(nodes);
         for start in starts {
             if place[start] != NONE {
@@ -80,12 +80,12 @@ impl Graph {
             (place[at], low[at]) = (order.len(), order.len());
             order.push(at);
             loop {
-                let (spring, parent) = way[at];
+                let (spring, parent) = entry[at];
                 if next[at] < self.first[at + 1] {
                     let (along, to) = self.neighbours[next[at]];
                     next[at] += 1;
                     if place[to] == NONE {
-                        (place[to], low[to], way[to]) = (order.len(), order.len(), (along, at));
+                        (place[to], low[to], entry[to]) = (order.len(), order.len(), (along, at));
                         order.push(to);
                         at = to;
                     } else if along != spring {
@@ -99,19 +99,19 @@ impl Graph {
                 }
             }
         }
-        let mut pieces = Pieces { of_node: vec![NONE; nodes], above: Vec::new() };
+        let mut components = Components { of_node: vec![NONE; nodes], above: Vec::new() };
         for node in order {
-            let (_, parent) = way[node];
-            let above = (parent != NONE).then(|| pieces.of_node[parent]);
-            pieces.of_node[node] = match above {
-                Some(piece) if low[node] < place[node] => piece,
+            let (_, parent) = entry[node];
+            let above = (parent != NONE).then(|| components.of_node[parent]);
+            components.of_node[node] = match above {
+                Some(component) if low[node] < place[node] => component,
                 _ => {
-                    pieces.above.push(above);
-                    pieces.above.len() - 1
+                    components.above.push(above);
+                    components.above.len() - 1
                 }
             };
         }
-        pieces
+        components
     }
 }
 
@@ -144,7 +144,7 @@ mod tests {
         assert_eq!(parts(11, &pairs, &[0, 7]), [] as [Vec<usize>; 0]);
         // A second spring side by side with the first.
         assert_eq!(parts(11, &[&pairs[..], &[[2, 3]]].concat(), &[]), [vec![6, 7]]);
-        // The largest piece carries the rest, wherever it is.
+        // The largest component carries the rest, wherever it is.
         assert_eq!(parts(5, &[[0, 1], [1, 2], [2, 3], [3, 4], [4, 2]], &[]), [vec![0, 1]]);
     }
 
