@@ -20,7 +20,9 @@ pub fn raised(error: Error) -> PyErr {
             None => PyOSError::new_err(format!("{}: {source}", path.display())),
         },
         Error::Breakdown { status, .. } => Python::attach(|py| {
-            let made = py.import("sprung._errors").and_then(|errors| errors.call_method1("Breakdown", (error.to_string(), status)));
+            let made = py
+                .import("sprung._errors")
+                .and_then(|errors| errors.call_method1("Breakdown", (error.to_string(), status)));
             made.map_or_else(|raised| raised, PyErr::from_value)
         }),
         Error::TooLarge { .. } => PyMemoryError::new_err(error.to_string()),
