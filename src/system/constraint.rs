@@ -124,10 +124,14 @@ impl Prescribed {
             axes[particle] = axes[particle].with(axis);
             coordinates.push(Coordinate::new(Dof { particle, axis }, motion, positions[particle][axis]));
         }
-        // A motion that is overridden everywhere has no kinks.
-        let is_used = |index: usize| coordinates.iter().any(|c: &Coordinate| c.motion as usize == index);
-        let used =
-            |(index, constraint): (usize, Constraint)| if is_used(index) { constraint.motion } else { Motion::Held };
+        // A motion that is overridden everywhere has no kinks. One that moves no particle of this part of a system keeps them: all parts
+        // take the same steps.
+        let is_overridden = |index: usize, particles: &[usize]| {
+            !particles.is_empty() && coordinates.iter().all(|c: &Coordinate| c.motion as usize != index)
+        };
+        let used = |(index, Constraint { particles, motion, .. }): (usize, Constraint)| {
+            if is_overridden(index, &particles) { Motion::Held } else { motion }
+        };
         let motions = constraints.into_iter().enumerate().map(used).collect();
         (Self { motions, coordinates, kinks: Vec::new() }, axes)
     }
@@ -180,6 +184,18 @@ impl Prescribed {
     /// The motions, one for each constraint.
     pub fn motions(&self) -> &[Motion] {
         &self.motions
+    }
+
+    /// The times of all kinks of paths, gravity and rest lengths, ascending, in s.
+    pub fn kinks(&self) -> Vec<f64> {
+        let of = |motion: &Motion| match motion {
+            Motion::Path { times, .. } => times.clone(),
+            Motion::Held | Motion::Velocity(_) => Vec::new(),
+        };
+        let mut kinks = self.kinks.clone();
+        kinks.extend(self.motions.iter().flat_map(of));
+        kinks.sort_by(f64::total_cmp);
+        kinks
     }
 
     /// The first time after t at which a path, gravity or a rest length has a kink, in s.
@@ -251,6 +267,7 @@ impl Prescribed {
 #[cfg(test)]
 mod tests {
     use super::{Axes, Constraint, Motion};
+    use crate::system::fixtures::in_parts;
     use crate::system::{System, SystemBuilder};
     use nalgebra::Vector3;
 
@@ -339,5 +356,17 @@ mod tests {
         builder.hold(0);
         let (system, _) = builder.build().unwrap();
         assert!(system.prescribed().next_kink(0.1).is_none() && !system.prescribed().moves());
+    }
+
+    /// A path that moves particle 0 alone: the other part of the system takes its steps by the same kinks.
+    #[test]
+    fn every_part_knows_all_kinks() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.0, 0.0, 0.0], 1.0);
+        builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion: path() });
+        let kinks =
+            in_parts(&builder, 2, |p| p, |cut| (cut.system.prescribed().kinks(), cut.system.prescribed().moves()));
+        assert_eq!(kinks, [true, false].map(|moves| (vec![10.0, 30.0, 40.0], moves)));
     }
 }

@@ -1,6 +1,6 @@
 //! The last step, as long as it says something about the next one, and the local error of a step by differences of velocities.
 //!
-//! **A step has no past** that starts at a kink of a prescribed path, or whose interior or whose last step's interior holds one: a force that
+//! **A step has no past** that starts at a kink of a path, of gravity or of a rest length, or whose interior or whose last step's interior holds one: a force that
 //! follows the path has a jump in its rate there, a damping force one of its own. (A path with kinks in both steps is a curve given
 //! by points closer than steps resolve them, and does not count.) Nor has a step a past that starts from a state where the last one did
 //! not end.
@@ -27,7 +27,7 @@
 
 use super::duration;
 use crate::integrate::{ErrorEstimate, zero_prescribed};
-use crate::system::{Dof, Motion, State, System};
+use crate::system::{Dof, State, System};
 use nalgebra::Vector3;
 
 /// The distance to the end of a step, relative to the step, within which a kink is at the end.
@@ -39,19 +39,13 @@ pub(super) struct History {
     length: Option<f64>,
     pub before: State,
     after: State,
-    /// The kinks of all prescribed paths, ascending, in s.
+    /// The kinks of all paths, of gravity and of rest lengths, ascending, in s.
     kinks: Vec<f64>,
 }
 
 impl History {
     pub fn new(system: &System, state: &State) -> Self {
-        let times = |motion: &'_ Motion| match motion {
-            Motion::Path { times, .. } => times.clone(),
-            Motion::Held | Motion::Velocity(_) => Vec::new(),
-        };
-        let mut kinks: Vec<f64> = system.prescribed().motions().iter().flat_map(times).collect();
-        kinks.sort_by(f64::total_cmp);
-        Self { length: None, before: state.clone(), after: state.clone(), kinks }
+        Self { length: None, before: state.clone(), after: state.clone(), kinks: system.prescribed().kinks() }
     }
 
     /// ω of a step of h seconds from a state: its ratio to the last step, or zero where it has no past.
@@ -187,7 +181,7 @@ impl Estimate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::system::{Axes, Constraint, SystemBuilder};
+    use crate::system::{Axes, Constraint, Motion, SystemBuilder};
 
     /// A free particle and one on a path with kinks at the given times.
     fn with_kinks(times: &[f64]) -> (System, State) {
