@@ -368,7 +368,10 @@ def iterations():
             done = many(ranks, "run", "--ready", kind, "--size", size, "--dt", 1 / 60, "--steps", 60, "--stiffness", "tension",
                         "--out", WORK / "flat", "--petsc", "-ksp_converged_reason")
             counts = [int(line.rsplit(" ", 1)[1]) for line in done.stdout.splitlines() if " iterations " in line and "onverge" in line]
+            # Behind the solve of every step stands that of its error estimate.
+            counts, estimates = counts[::2], counts[1::2]
             check(f"iterations of {kind} on {ranks}", len(counts) == 60 and max(counts[1:]) <= 1.5 * min(counts[1:]), counts)
+            check(f"iterations of estimates of {kind} on {ranks}", len(estimates) == 60 and max(estimates) <= 10, estimates)
 
 
 def waiting():
