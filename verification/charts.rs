@@ -100,6 +100,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let file = format!("{name}-{}.svg", figure.name);
             fs::write(folder.join(&file), plot::svg(&figure.plot))?;
             writeln!(page, "![{}]({file})", figure.plot.title)?;
+            let Some(full) = &figure.full else { continue };
+            let all = format!("{name}-{}-all.svg", figure.name);
+            fs::write(folder.join(&all), plot::svg(full))?;
+            writeln!(page, "<details><summary>All curves</summary>\n\n![{}]({all})\n\n</details>\n", full.title)?;
         }
     }
     eprintln!("stability");

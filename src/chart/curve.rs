@@ -66,6 +66,12 @@ pub fn best_of_each(runs: &[Run], floor: f64) -> Vec<Curve<'_>> {
     best
 }
 
+/// Curves by cost, the cheapest first and those without a tail last.
+pub fn cheapest_first(mut curves: Vec<Curve<'_>>, floor: f64) -> Vec<Curve<'_>> {
+    curves.sort_by(|a, b| a.coefficient(floor).total_cmp(&b.coefficient(floor)));
+    curves
+}
+
 impl Curve<'_> {
     /// The cost of the configuration, without regard to how far it was taken: the least of `cost · error^(1/2)` over its tail.
     fn coefficient(&self, floor: f64) -> f64 {

@@ -1,6 +1,6 @@
 //! The pictures of a chart: speed against accuracy in time and in counted work, conservation, tolerances.
 
-use super::curve::{Curve, best_of_each, curves};
+use super::curve::{Curve, best_of_each, cheapest_first, curves};
 use super::decision::name;
 use super::run::ADAPTIVE;
 use super::run::short;
@@ -16,8 +16,29 @@ pub struct Figure {
     pub name: &'static str,
     /// A sentence on how to read it.
     pub caption: String,
-    /// The plot.
+    /// The plot, of at most six curves, the cheapest first.
     pub plot: Plot,
+    /// The plot with every curve, where `plot` leaves some out.
+    pub full: Option<Plot>,
+}
+
+/// The curves of one plot; more are not told apart at a glance.
+const CURVES: usize = 6;
+
+impl Figure {
+    fn new(name: &'static str, caption: impl Into<String>, plot: Plot) -> Self {
+        Self { name, caption: caption.into(), plot, full: None }
+    }
+
+    /// Leaves the first curves in `plot`, with their failures, and keeps all of them in `full`.
+    fn leave_leading(&mut self) {
+        let lines = self.plot.series.iter().filter(|series| series.like.is_none() && !series.points.is_empty());
+        let names: Vec<String> = lines.map(|series| series.name.clone()).collect();
+        if let Some((leading, [_, ..])) = names.split_at_checked(CURVES) {
+            self.full = Some(self.plot.clone());
+            self.plot.series.retain(|series| leading.contains(series.like.as_ref().unwrap_or(&series.name)));
+        }
+    }
 }
 
 /// The name of a configuration in a legend, and its look.
@@ -87,10 +108,20 @@ fn has_failures(plot: &Plot) -> bool {
 impl WorkPrecision {
     /// Every picture of the chart.
     pub fn figures(&self) -> Vec<Figure> {
-        let best = best_of_each(&self.runs, self.floor());
+        let floor = self.floor();
+        let best = cheapest_first(best_of_each(&self.runs, floor), floor);
         let implicit: Vec<Curve<'_>> = best.iter().filter(|curve| curve.stiffness != "none").cloned().collect();
+        // The cheapest solver of every option before the others.
         let of_method = |method: &str| -> Vec<Curve<'_>> {
-            curves(&self.runs).into_iter().filter(|curve| curve.method == method).collect()
+            let all = curves(&self.runs).into_iter().filter(|curve| curve.method == method).collect();
+            let mut options = Vec::new();
+            let is_first = |curve: &Curve<'_>| {
+                let is_new = !options.contains(&curve.stiffness);
+                options.push(curve.stiffness);
+                is_new
+            };
+            let (first, others): (Vec<_>, Vec<_>) = cheapest_first(all, floor).into_iter().partition(is_first);
+            [first, others].concat()
         };
         let work = "work, in force evaluations";
         let options = |method: &str| format!("Stiffness options and solvers of {method}");
@@ -120,6 +151,7 @@ impl WorkPrecision {
         figures.retain(|figure| figure.plot.series.iter().any(|series| !series.points.is_empty()));
         for figure in &mut figures {
             figure.plot.conclusion = self.conclusion(figure).unwrap_or_default();
+            figure.leave_leading();
         }
         figures
     }
@@ -148,7 +180,7 @@ impl WorkPrecision {
             caption += " Crosses at the right edge are runs that broke down or ended more than 100 % off, each cause in a lane of its \
                 own, at the cost they had until then.";
         }
-        Figure { name, caption, plot }
+        Figure::new(name, caption, plot)
     }
 
     fn errors<'a>(&'a self, curves: &[Curve<'a>]) -> Figure {
@@ -167,7 +199,7 @@ impl WorkPrecision {
         if has_failures(&plot) {
             caption += " Crosses are runs of any of its configurations that failed, at their step, each cause in a lane of its own.";
         }
-        Figure { name: "error", caption, plot: plot.with_guide(level) }
+        Figure::new("error", caption, plot.with_guide(level))
     }
 
     fn drift(
@@ -185,7 +217,7 @@ impl WorkPrecision {
         });
         let caption = "At the end of the run, against the reference: what the method itself adds or takes away. Rounding \
             is about 10⁻¹⁵.";
-        Figure { name, caption: caption.into(), plot }
+        Figure::new(name, caption, plot)
     }
 
     fn tolerances(&self) -> Figure {
@@ -200,7 +232,7 @@ impl WorkPrecision {
         let caption = format!(
             "Where the curve is flat the error of the step dominates and a looser tolerance costs no accuracy{step}."
         );
-        Figure { name: "tolerance-error", caption, plot }
+        Figure::new("tolerance-error", caption, plot)
     }
 }
 

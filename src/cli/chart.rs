@@ -179,6 +179,9 @@ fn write(folder: &Path, report: &Report<'_>, chart: &WorkPrecision, map: &Stabil
         |name: &str, svg: String| AtomicFile::write_text(folder.join("chart").join(format!("{name}.svg")), &svg);
     for figure in chart.figures() {
         picture(figure.name, plot::svg(&figure.plot))?;
+        if let Some(full) = &figure.full {
+            picture(&format!("{}-all", figure.name), plot::svg(full))?;
+        }
     }
     for tile in &map.tiles {
         picture(&tile.file_name(), tiles::svg(&tile.figure()))?;

@@ -10,7 +10,12 @@ use maud::{Markup, html};
 /// The chart as one HTML page without scripts and without anything to load.
 pub fn chart_html(chart: &WorkPrecision, map: &StabilityMap) -> String {
     let figures = chart.figures();
-    let picture = |figure: &Figure| page::figure(plot::svg(&figure.plot), &html! { (typeset(&figure.caption)) });
+    let picture = |figure: &Figure| {
+        let drawn = page::figure(plot::svg(&figure.plot), &text(typeset(&figure.caption)));
+        let Some(full) = &figure.full else { return drawn };
+        let all = format!("All {} curves", full.series.iter().filter(|series| series.like.is_none()).count());
+        html! { div { (drawn) (page::folded(&all, &page::figure(plot::svg(full), &html! {}))) } }
+    };
     let named = |names: &[&str]| {
         let chosen = figures.iter().filter(|figure| names.contains(&figure.name));
         page::figures(&chosen.map(picture).collect::<Vec<_>>())

@@ -3,7 +3,7 @@
 use super::{called, flat, spread, times};
 use crate::chart::run::short;
 use crate::chart::{Decision, Figure, Quality, Reference, Run, WorkPrecision, best_of_each, curves, tail};
-use crate::figure::{Guide, Series};
+use crate::figure::{Guide, Plot, Series};
 use crate::integrate::Status;
 use crate::system::State;
 use crate::work::Work;
@@ -225,6 +225,46 @@ fn pictures_say_what_they_show() {
     assert!(look("work", "w2, adaptive (on-demand)").1 && !look("work", "w2 (tension)").1);
     assert_ne!(look("work", "w2 (tension)").0, look("work", "symplectic-euler").0);
     assert_eq!((look("options-euler", "full, llt"), look("options-euler", "axial, cg")), ((0, false), (2, true)));
+}
+
+/// Eight methods, of which the first costs most: the six cheapest are drawn in the order of their costs, with their own failures only, and
+/// all eight in the full plot. Of four options with two solvers each, the cheaper solver of every option comes first.
+#[test]
+fn six_curves_are_drawn_and_all_are_kept() {
+    let mut chart = chart();
+    let configurations = |(method, stiffness, solver), cost| {
+        let failed = run((method, stiffness, solver), 0.2, cost, None);
+        let done =
+            [(0.1, 0.1), (0.05, 0.05)].map(|(dt, error)| run((method, stiffness, solver), dt, cost / dt, Some(error)));
+        done.into_iter().chain([failed])
+    };
+    let methods = ["verlet", "symplectic-euler", "forward-euler", "w2", "bdf2", "rodas4", "dop853", "backward-euler"];
+    chart.runs = methods
+        .into_iter()
+        .zip((1..9).rev())
+        .flat_map(|(m, cost)| configurations((m, "none", "none"), f64::from(cost)))
+        .collect();
+    let names = |plot: &Plot, failed: bool| -> Vec<String> {
+        let series = plot.series.iter().filter(|series| series.like.is_some() == failed);
+        series.map(|series| series.like.clone().unwrap_or(series.name.clone())).collect()
+    };
+    let figures = chart.figures();
+    let work = figures.iter().find(|figure| figure.name == "work").unwrap();
+    let cheapest: Vec<&str> = methods.into_iter().rev().collect();
+    assert_eq!(names(&work.plot, false), cheapest[..6]);
+    assert_eq!(names(&work.plot, true), cheapest[..6]);
+    assert_eq!(names(work.full.as_ref().unwrap(), false), cheapest);
+    assert_eq!(names(work.full.as_ref().unwrap(), true), cheapest);
+    let options = [("full", 1.0), ("tension", 3.0), ("axial", 5.0), ("on-demand", 7.0)];
+    let both = |(option, cost): (&'static str, f64)| {
+        configurations((EULER, option, "cg"), cost + 1.0).chain(configurations((EULER, option, "llt"), cost))
+    };
+    chart.runs = options.into_iter().flat_map(both).collect();
+    let figures = chart.figures();
+    let options = figures.iter().find(|figure| figure.name == "options-euler").unwrap();
+    let expected = ["full, llt", "tension, llt", "axial, llt", "on-demand, llt", "full, cg", "tension, cg"];
+    assert_eq!(names(&options.plot, false), expected);
+    assert!(figures.iter().find(|figure| figure.name == "work").unwrap().full.is_none());
 }
 
 /// Guides pass through the geometric mean of the points of a picture, that of the axes in the middle of them.
