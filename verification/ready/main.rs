@@ -24,6 +24,10 @@ struct Arguments {
     #[arg(long, default_value_t = usize::MAX)]
     largest: usize,
 
+    /// No scene of a smaller size
+    #[arg(long, default_value_t = 0)]
+    smallest: usize,
+
     /// Only this kind
     #[arg(long)]
     kind: Option<String>,
@@ -165,7 +169,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .iter()
         .flat_map(|(kind, sizes)| sizes.iter().map(move |size| (*kind, *size)))
         .filter(|(kind, size)| {
-            *size <= arguments.largest && arguments.kind.as_ref().is_none_or(|name| name == kind.name())
+            (arguments.smallest..=arguments.largest).contains(size) && arguments.kind.as_ref().is_none_or(|name| name == kind.name())
         })
         .flat_map(|(kind, size)| arguments.durations.iter().map(move |times| (kind, size, *times)))
         .collect();
