@@ -29,7 +29,7 @@ use crate::eigen::{Accuracy, Pencil, ShiftInvert};
 use crate::error::{Error, Invalid, Result, check_length};
 use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
 use crate::gradient::{Parameters, Point};
-use crate::integrate::Matrices;
+use crate::integrate::{Matrices, Projection, StiffnessPolicy};
 use crate::linear::{Cholesky, Ldlt, dot};
 use crate::operator::LinearOperator;
 use crate::rigid::bodies;
@@ -51,11 +51,19 @@ pub struct EquilibriumOptions {
     pub load: f64,
     /// Whether the search goes on from a saddle.
     pub leave_saddles: bool,
+    /// The matrix of a step far from an equilibrium, where −K is not positive definite.
+    pub stiffness: StiffnessPolicy,
 }
 
 impl Default for EquilibriumOptions {
     fn default() -> Self {
-        Self { tolerance: 1e-10, iterations: 2000, load: 1.0, leave_saddles: true }
+        Self {
+            tolerance: 1e-10,
+            iterations: 2000,
+            load: 1.0,
+            leave_saddles: true,
+            stiffness: StiffnessPolicy::OnDemand,
+        }
     }
 }
 
@@ -232,6 +240,7 @@ struct Search<'s> {
     options: EquilibriumOptions,
     matrices: Matrices<'s>,
     cholesky: Cholesky,
+    projection: Projection,
     state: State,
     geometry: SpringGeometry,
     loads: Vec<Vector3<f64>>,
@@ -266,6 +275,7 @@ impl<'s> Search<'s> {
             cholesky: Cholesky::analyse(matrices.k().pattern(), Par::rayon(0))?,
             loads: loads(system, &state, options.load),
             force: vec![0.0; system.dofs().len()],
+            projection: Projection::new(system),
             system,
             options,
             matrices,
@@ -373,9 +383,24 @@ impl<'s> Search<'s> {
 
     /// p of `−K p = f`. Where −K is singular by free motions alone, a shift of rounding makes it positive definite. Where it has negative
     /// eigenvalues, option *tension* takes its place far from an equilibrium, and −K + σ near one, σ about the smallest that makes it positive definite:
-    /// there soft directions of negative curvature decide, and *tension* is far too stiff along them. Returns whether it was that shift.
+    /// there soft directions of negative curvature decide, and *tension* is far too stiff along them. The progressive policy takes *tension* for the
+    /// springs at large residuals alone, and an option takes the place of −K everywhere. Returns whether it was that shift.
     fn newton_step(&mut self) -> Result<(Vec<f64>, bool)> {
-        let mut a = self.assemble(Stiffness::Full)?;
+        let policy = self.options.stiffness;
+        let is_near = self.residual() < NEAR && !matches!(policy, StiffnessPolicy::Always(_));
+        if policy == StiffnessPolicy::Progressive {
+            if is_near {
+                self.projection.restart();
+            }
+            let mut residual = vec![Vector3::zeros(); self.system.particles()];
+            self.system.dofs().scatter(&self.force, &mut residual);
+            self.projection.begin(self.system, &residual);
+        }
+        let (mut a, mut dropped) = match policy {
+            StiffnessPolicy::Always(option) => (self.assemble(option)?, 0),
+            StiffnessPolicy::OnDemand => (self.assemble(Stiffness::Full)?, 0),
+            StiffnessPolicy::Progressive => self.assemble_projected()?,
+        };
         if self.factor(&a) {
             return Ok((self.solve(), false));
         }
@@ -388,8 +413,19 @@ impl<'s> Search<'s> {
                 return Ok((self.solve(), false));
             }
         }
-        let is_near = self.residual() < NEAR;
-        if !is_near {
+        let compressed =
+            self.geometry.springs(self.system).filter(|((_, _, spring), at)| spring.is_compressed(at)).count();
+        while policy == StiffnessPolicy::Progressive
+            && !is_near
+            && self.projection.lower(self.system, &self.geometry, dropped, compressed)
+        {
+            (a, dropped) = self.assemble_projected()?;
+            a.shift(added);
+            if self.factor(&a) {
+                return Ok((self.solve(), false));
+            }
+        }
+        if !is_near && !matches!(policy, StiffnessPolicy::Always(_)) {
             a = self.assemble(Stiffness::Tension)?;
             added = 0.0;
             if self.factor(&a) {
@@ -415,6 +451,14 @@ impl<'s> Search<'s> {
         self.work.assemblies += 1;
         self.matrices.update(&self.state, option)?;
         Ok(self.matrices.k().scaled(-1.0))
+    }
+
+    /// −K without the terms that the threshold of residuals drops, and their number.
+    fn assemble_projected(&mut self) -> Result<(SymmetricMatrix, usize)> {
+        self.work.assemblies += 1;
+        let dropped = self.projection.update(self.system, &self.geometry);
+        self.matrices.update_each(&self.state, self.projection.options())?;
+        Ok((self.matrices.k().scaled(-1.0), dropped))
     }
 
     fn factor(&mut self, a: &SymmetricMatrix) -> bool {

@@ -54,8 +54,8 @@ impl MethodArguments {
 
     /// The stiffness policy asked for.
     pub fn policy(&self) -> StiffnessPolicy {
-        let named = Stiffness::ALL.into_iter().find(|option| option.name() == self.stiffness);
-        named.map_or(StiffnessPolicy::OnDemand, StiffnessPolicy::Always)
+        let named = StiffnessPolicy::ALL.into_iter().find(|policy| policy.name() == self.stiffness);
+        named.unwrap_or(StiffnessPolicy::OnDemand)
     }
 
     /// The options of implicit methods.

@@ -100,12 +100,14 @@ const NOISE: f64 = 1e-13;
 pub(super) struct Newton<'s> {
     pub linear: LinearSystem<'s>,
     options: NewtonOptions,
+    /// True if an option stays where another matrix would do better, for comparisons.
+    pub keeps_option: bool,
     /// True if there are forces without a potential: of damping, or external.
     is_damped: bool,
     /// δ; its prescribed entries are given, its free ones the solution.
     pub displacement: Vec<Vector3<f64>>,
     /// −r at the last point evaluated.
-    force: Vec<Vector3<f64>>,
+    pub force: Vec<Vector3<f64>>,
     /// Δ, its last term, and the right-hand side for that.
     pub direction: Vec<Vector3<f64>>,
     term: Vec<Vector3<f64>>,
@@ -121,6 +123,7 @@ impl<'s> Newton<'s> {
         Ok(Self {
             linear,
             options,
+            keeps_option: false,
             is_damped: system.is_damped() || system.has_external_forces(),
             displacement: zeros(),
             force: zeros(),
@@ -178,6 +181,7 @@ impl<'s> Newton<'s> {
             }
             iterations += 1;
             self.linear.statistics.work.newton_iterations += 1;
+            self.linear.begin(&self.force, iterations == 1);
             let eta = forcing.next(point.residual, target);
             [point.slope, point.damping_slope] = self.prepare_direction(&mut choice, Combination::step(dt), eta)?;
             if point.slope >= 0.0 {
@@ -186,7 +190,9 @@ impl<'s> Newton<'s> {
             let Some((step, next)) = self.line_search(state, dt, point) else {
                 return failed(NotSolved::LineSearch);
             };
-            choice.record(step, next.residual / point.residual, self.linear.is_regularized());
+            if !self.keeps_option {
+                choice.record(step, next.residual / point.residual, self.linear.is_regularized());
+            }
             // Along the direction the matrix has the norm −rᵀΔ.
             if ends_early && step == 1.0 && self.residual_energy() < -point.slope {
                 return Ok(());

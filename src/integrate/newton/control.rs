@@ -100,10 +100,10 @@ impl MatrixChoice {
         match self.matrix {
             NewtonMatrix::Policy(policy) if is_slow && policy != StiffnessPolicy::Always(Stiffness::Full) => {
                 self.slow_iterations += u32::from(is_regularized);
-                self.matrix = if self.slow_iterations < PATIENCE {
-                    NewtonMatrix::Policy(StiffnessPolicy::OnDemand)
-                } else {
-                    NewtonMatrix::Shifted(LEAST_SHIFT)
+                self.matrix = match policy {
+                    _ if self.slow_iterations >= PATIENCE => NewtonMatrix::Shifted(LEAST_SHIFT),
+                    StiffnessPolicy::Progressive => NewtonMatrix::Policy(policy),
+                    _ => NewtonMatrix::Policy(StiffnessPolicy::OnDemand),
                 };
             }
             _ => {}
