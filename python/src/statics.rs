@@ -41,13 +41,13 @@ pub fn equilibrium(
 
 #[pymethods]
 impl Equilibrium {
-    /// Status, residual, energy, iterations, signs and particles that fall.
+    /// Status, residual, energy, iterations, signs, whether these were counted, and particles that fall.
     #[allow(clippy::type_complexity)]
-    fn figures(&self) -> (&'static str, f64, f64, usize, [usize; 3], Vec<usize>) {
+    fn figures(&self) -> (&'static str, f64, f64, usize, [usize; 3], bool, Vec<usize>) {
         let found = &self.found;
         let signs = found.inertia;
         let signs = [signs.negative, signs.zero, signs.positive];
-        (found.stability.name(), found.residual, found.energy, found.iterations, signs, found.falling.clone())
+        (found.stability.name(), found.residual, found.energy, found.iterations, signs, found.counted, found.falling.clone())
     }
 
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {

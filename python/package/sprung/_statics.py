@@ -33,6 +33,8 @@ class Equilibrium:
         Steps of Newton's method.
     inertia : Inertia
         Signs of the eigenvalues of -K.
+    counted : bool
+        Whether these were counted, by a factorization; in scenes too large for one, the lowest that were found stand for all.
     falling : list of int
         Particles that nothing holds against their load.
     """
@@ -40,7 +42,7 @@ class Equilibrium:
     def __init__(self, system: System, native: Any) -> None:
         self.system = system
         self._native = native
-        self.status, self.residual, self.energy, self.iterations, signs, self.falling = native.figures()
+        self.status, self.residual, self.energy, self.iterations, signs, self.counted, self.falling = native.figures()
         self.inertia = Inertia(*signs)
         self.positions: Floats = native.positions()
 
