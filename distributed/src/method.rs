@@ -19,7 +19,7 @@ pub struct MethodArguments {
 
     /// Which part of every spring's stiffness enters the matrix A; forces are never changed
     #[arg(long, default_value = "on-demand")]
-    #[arg(value_parser = PossibleValuesParser::new(["on-demand", "full", "tension", "axial"]))]
+    #[arg(value_parser = PossibleValuesParser::new(StiffnessPolicy::ALL.map(StiffnessPolicy::name)))]
     pub stiffness: String,
 
     /// Linear solver: conjugate gradients, or a factorization by MUMPS, which knows whether A is definite

@@ -4,6 +4,7 @@ use crate::arrays::{Given, rows, shaped, state, vectors};
 use crate::compute::{Flag, compute};
 use crate::error::raised;
 use crate::gradient::{Arrays, arrays};
+use crate::names;
 use crate::system::System;
 use numpy::{PyArray1, PyArray2, PyArray3, PyReadonlyArray2};
 use pyo3::exceptions::PyRuntimeError;
@@ -30,11 +31,13 @@ pub fn equilibrium(
     leave_saddles: bool,
     tolerance: f64,
     iterations: usize,
+    stiffness: &str,
 ) -> PyResult<Equilibrium> {
+    let stiffness = names::policy(stiffness)?;
     let state = state(&system.system, &given)?;
     let flag = Flag::new();
     let system = system.bound(py, &flag);
-    let options = EquilibriumOptions { tolerance, iterations, load, leave_saddles };
+    let options = EquilibriumOptions { tolerance, iterations, load, leave_saddles, stiffness };
     let found = compute(py, &flag, || find_equilibrium(&system, &state, options))?.map_err(raised)?;
     Ok(Equilibrium { system, found })
 }

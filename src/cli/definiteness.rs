@@ -33,8 +33,10 @@ pub fn execute(chart: &Chart, scene: &LoadedScene, budget: Duration, console: &C
     let _claimed = claim(&folder, &FILES, false)?;
     let until = Deadline::after(budget, interrupt());
     let LoadedScene { name, system, state, .. } = scene;
-    let measured = chart.threads.install(|| Comparison::measure(name, system, state, dt, until));
-    let comparison = measured.map_err(|error| error.in_file(&scene.file))?;
+    let comparison = chart.threads.install(|| {
+        let measured = Comparison::measure(name, system, state, dt, until);
+        Ok(measured.map_err(|error| error.in_file(&scene.file))?)
+    })?;
     let report = Report { comparison: &comparison, tolerance: TOLERANCE, conclusions: comparison.conclusions() };
     write(&folder, &report).map_err(Stop::Broken)?;
     let text = format!("{}  files: {} in {}", definiteness_text(&comparison), FILES.join(", "), folder.display());

@@ -73,7 +73,7 @@ const METHODS: [(MethodChoice, &str); 11] = [
     ),
 ];
 
-const STIFFNESSES: [(StiffnessPolicy, &str); 6] = [
+pub(super) const STIFFNESSES: [(StiffnessPolicy, &str); 6] = [
     (
         StiffnessPolicy::OnDemand,
         "full while A is positive definite; in solves where it is not, without the few terms that spoil it",

@@ -177,6 +177,8 @@ mod tests {
         let tension = regularized.softer().unwrap();
         let expected = [Terms::Of(Stiffness::Full), Terms::Regularized, Terms::Of(Stiffness::Tension)];
         assert_eq!([first, regularized, tension].map(|state| state.terms), expected);
+        let projected = StiffnessState::first(StiffnessPolicy::Progressive);
+        assert_eq!([projected, projected.softer().unwrap()].map(|state| state.terms), [Terms::Projected, expected[2]]);
         for last in [tension, StiffnessState::whole(), StiffnessState::first(Stiffness::Full.into())] {
             assert!(last.softer().is_none(), "{last:?}");
         }
@@ -188,6 +190,7 @@ mod tests {
         for (mut state, is_accepted) in [
             (StiffnessState::first(Stiffness::Full.into()), true),
             (StiffnessState::first(StiffnessPolicy::OnDemand), false),
+            (StiffnessState::first(StiffnessPolicy::Progressive), false),
             (StiffnessState::whole(), false),
         ] {
             assert_eq!(state.accept(found).is_ok(), is_accepted, "{state:?}");

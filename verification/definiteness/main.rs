@@ -10,8 +10,9 @@ mod definiteness;
 
 use clap::Parser;
 use definiteness::{robustness, table};
-use sprung::integrate::StiffnessPolicy;
+use sprung::report::plot;
 use std::error::Error;
+use std::path::Path;
 
 /// Answers to indefinite matrices, compared on random scenes.
 #[derive(Parser)]
@@ -20,7 +21,7 @@ struct Arguments {
     #[arg(long, default_value_t = 72_000)]
     first: u64,
 
-    /// Scenes of the table
+    /// Scenes of the table; those of the runs at any step follow
     #[arg(long, default_value_t = 40)]
     count: u64,
 
@@ -34,19 +35,19 @@ struct Arguments {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let Arguments { first, count, runs, .. } = Arguments::parse();
-    let begin = std::time::Instant::now();
+    let Arguments { first, count, runs, write } = Arguments::parse();
     let problems = table::problems(first..first + count)?;
-    println!("{}", table::table(&problems));
-    println!("{:?}", begin.elapsed());
-    for policy in [StiffnessPolicy::OnDemand, StiffnessPolicy::Progressive] {
-        for run in robustness::runs(first + count..first + count + runs, policy)? {
-            let solve = &run.solves[0];
-            if !solve.is_solved() {
-                println!("{} {} {} dt {:?}: {:?}", policy.name(), run.seed, run.name, run.factor, solve.message);
-            }
-        }
+    let runs = robustness::runs(first + count..first + count + runs)?;
+    let page = format!(
+        "# Answers to indefinite matrices, measured\n\nMade by `cargo xtask definiteness --first {first} --count {count} --write`. All figures are counts, the same on every machine.\n\n{}\n{}",
+        table::section(&problems),
+        robustness::section(&runs),
+    );
+    print!("{page}");
+    if write {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+        std::fs::write(folder.join("definiteness.md"), page)?;
+        std::fs::write(folder.join("definiteness.svg"), plot::svg(&table::picture(&problems)))?;
     }
-    println!("{:?}", begin.elapsed());
     Ok(())
 }
