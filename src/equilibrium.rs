@@ -15,11 +15,14 @@
 //! **Differences of E** are sums of rounding errors near the minimum. There the trapezoidal rule `−½ (f(x) + f(x + p))·p`, exact to third order in p,
 //! has no cancellation and takes over.
 //!
+//! **Large scenes**, whose factor would take too long or too much memory, are searched by conjugate gradients with multigrid (`iterative`).
+//!
 //! **The verdict** is the inertia of −K at the end: negative eigenvalues make a saddle, from which the search goes on along the lowest mode; eigenvalues of
 //! zero leave the scene free to move. A body that no support holds against a load has no equilibrium; it is found before the search.
 //!
 //! **Gradient.** For a cost J with `∂J/∂x = x̄` at the equilibrium, `−K λ = x̄` and `dJ/dp = λᵀ ∂f/∂p` for a parameter p (implicit function theorem).
 
+mod iterative;
 mod load_path;
 
 pub use load_path::{CriticalKind, CriticalLoad, LoadPath, load_path};
@@ -29,14 +32,14 @@ use crate::eigen::{Accuracy, Pencil, ShiftInvert};
 use crate::error::{Error, Invalid, Result, check_length};
 use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
 use crate::gradient::{Parameters, Point};
-use crate::integrate::Matrices;
+use crate::integrate::{Matrices, Projection, StiffnessPolicy};
 use crate::linear::{Cholesky, Ldlt, dot};
 use crate::operator::LinearOperator;
 use crate::rigid::bodies;
 use crate::spring::Stiffness;
 use crate::system::{State, StateView, System};
 use crate::work::Work;
-use faer::Par;
+use iterative::Iterative;
 use nalgebra::Vector3;
 use std::collections::VecDeque;
 
@@ -51,11 +54,19 @@ pub struct EquilibriumOptions {
     pub load: f64,
     /// Whether the search goes on from a saddle.
     pub leave_saddles: bool,
+    /// The matrix of a step far from an equilibrium, where −K is not positive definite.
+    pub stiffness: StiffnessPolicy,
 }
 
 impl Default for EquilibriumOptions {
     fn default() -> Self {
-        Self { tolerance: 1e-10, iterations: 2000, load: 1.0, leave_saddles: true }
+        Self {
+            tolerance: 1e-10,
+            iterations: 2000,
+            load: 1.0,
+            leave_saddles: true,
+            stiffness: StiffnessPolicy::OnDemand,
+        }
     }
 }
 
@@ -116,6 +127,9 @@ pub struct Equilibrium {
     pub iterations: usize,
     /// Of −K at the end.
     pub inertia: Signs,
+    /// Whether the inertia was counted, by a factorization. Where that would take too long or too much memory, the lowest eigenvalues that a search finds
+    /// stand for it.
+    pub counted: bool,
     /// The lowest eigenvalue of −K with its direction over the free degrees of freedom, where that is not positive.
     pub lowest: Option<(f64, Vec<f64>)>,
     /// Particles of bodies that nothing holds against their load.
@@ -227,11 +241,18 @@ const ZERO: f64 = 1e-11;
 /// Saddles that a search leaves at most.
 const SADDLES: usize = 50;
 
+/// The solver for directions of Newton's method.
+enum Solver {
+    Factored(Box<Cholesky>),
+    Iterative(Box<Iterative>),
+}
+
 struct Search<'s> {
     system: &'s System,
     options: EquilibriumOptions,
     matrices: Matrices<'s>,
-    cholesky: Cholesky,
+    solver: Solver,
+    projection: Projection,
     state: State,
     geometry: SpringGeometry,
     loads: Vec<Vector3<f64>>,
@@ -263,9 +284,10 @@ impl<'s> Search<'s> {
         let matrices = Matrices::new(system)?;
         let work = Work { symbolic_factorizations: 1, ..Work::default() };
         let mut search = Self {
-            cholesky: Cholesky::analyse(matrices.k().pattern(), Par::rayon(0))?,
+            solver: Solver::new(system, matrices.k())?,
             loads: loads(system, &state, options.load),
             force: vec![0.0; system.dofs().len()],
+            projection: Projection::new(system),
             system,
             options,
             matrices,
@@ -307,12 +329,18 @@ impl<'s> Search<'s> {
     /// The forces that rounding of positions makes: of the stiffest spring, and of all springs of a particle. No search gets below these.
     fn rounding(&self) -> [f64; 2] {
         let extent = self.state.positions.iter().fold(0.0f64, |extent, x| extent.max(x.amax()));
-        let (mut stiffest, mut sums) = (0.0f64, vec![0.0; self.system.particles()]);
+        let springs = self.geometry.springs(self.system);
+        let stiffest = springs.fold(0.0f64, |stiffest, ((_, _, spring), _)| stiffest.max(spring.axial_stiffness()));
+        [stiffest, self.stiffness()].map(|stiffness| stiffness * extent * f64::EPSILON)
+    }
+
+    /// The largest sum of k/l0 at a particle, in N/m.
+    fn stiffness(&self) -> f64 {
+        let mut sums = vec![0.0; self.system.particles()];
         for ((_, ends, spring), _) in self.geometry.springs(self.system) {
-            stiffest = stiffest.max(spring.axial_stiffness());
             ends.iter().for_each(|&end| sums[end] += spring.axial_stiffness());
         }
-        [stiffest, sums.into_iter().fold(0.0, f64::max)].map(|stiffness| stiffness * extent * f64::EPSILON)
+        sums.into_iter().fold(0.0, f64::max)
     }
 
     /// The largest force left on a free coordinate, in N.
@@ -373,9 +401,27 @@ impl<'s> Search<'s> {
 
     /// p of `−K p = f`. Where −K is singular by free motions alone, a shift of rounding makes it positive definite. Where it has negative
     /// eigenvalues, option *tension* takes its place far from an equilibrium, and −K + σ near one, σ about the smallest that makes it positive definite:
-    /// there soft directions of negative curvature decide, and *tension* is far too stiff along them. Returns whether it was that shift.
+    /// there soft directions of negative curvature decide, and *tension* is far too stiff along them. The progressive policy takes *tension* for the
+    /// springs at large residuals alone, and an option takes the place of −K everywhere. Returns whether it was that shift.
     fn newton_step(&mut self) -> Result<(Vec<f64>, bool)> {
-        let mut a = self.assemble(Stiffness::Full)?;
+        if let Solver::Iterative(_) = self.solver {
+            return Ok(self.iterative_step());
+        }
+        let policy = self.options.stiffness;
+        let is_near = self.residual() < NEAR && !matches!(policy, StiffnessPolicy::Always(_));
+        if policy == StiffnessPolicy::Progressive {
+            if is_near {
+                self.projection.restart();
+            }
+            let mut residual = vec![Vector3::zeros(); self.system.particles()];
+            self.system.dofs().scatter(&self.force, &mut residual);
+            self.projection.begin(self.system, &residual);
+        }
+        let (mut a, mut dropped) = match policy {
+            StiffnessPolicy::Always(option) => (self.assemble(option)?, 0),
+            StiffnessPolicy::OnDemand => (self.assemble(Stiffness::Full)?, 0),
+            StiffnessPolicy::Progressive => self.assemble_projected()?,
+        };
         if self.factor(&a) {
             return Ok((self.solve(), false));
         }
@@ -388,8 +434,19 @@ impl<'s> Search<'s> {
                 return Ok((self.solve(), false));
             }
         }
-        let is_near = self.residual() < NEAR;
-        if !is_near {
+        let compressed =
+            self.geometry.springs(self.system).filter(|((_, _, spring), at)| spring.is_compressed(at)).count();
+        while policy == StiffnessPolicy::Progressive
+            && !is_near
+            && self.projection.lower(self.system, &self.geometry, dropped, compressed)
+        {
+            (a, dropped) = self.assemble_projected()?;
+            a.shift(added);
+            if self.factor(&a) {
+                return Ok((self.solve(), false));
+            }
+        }
+        if !is_near && !matches!(policy, StiffnessPolicy::Always(_)) {
             a = self.assemble(Stiffness::Tension)?;
             added = 0.0;
             if self.factor(&a) {
@@ -417,15 +474,28 @@ impl<'s> Search<'s> {
         Ok(self.matrices.k().scaled(-1.0))
     }
 
-    fn factor(&mut self, a: &SymmetricMatrix) -> bool {
-        self.work.factorizations += 1;
-        self.cholesky.factor(a).is_ok()
+    /// −K without the terms that the threshold of residuals drops, and their number.
+    fn assemble_projected(&mut self) -> Result<(SymmetricMatrix, usize)> {
+        self.work.assemblies += 1;
+        let dropped = self.projection.update(self.system, &self.geometry);
+        self.matrices.update_each(&self.state, self.projection.options())?;
+        Ok((self.matrices.k().scaled(-1.0), dropped))
     }
 
+    /// Factors a matrix; false where it is not positive definite.
+    fn factor(&mut self, a: &SymmetricMatrix) -> bool {
+        let Solver::Factored(cholesky) = &mut self.solver else { return false };
+        self.work.factorizations += 1;
+        cholesky.factor(a).is_ok()
+    }
+
+    /// `A⁻¹ f` with the matrix that was factored.
     fn solve(&mut self) -> Vec<f64> {
-        self.work.solves += 1;
         let mut step = self.force.clone();
-        self.cholesky.substitute_columns(step.len(), &mut step);
+        if let Solver::Factored(cholesky) = &mut self.solver {
+            self.work.solves += 1;
+            cholesky.substitute_columns(step.len(), &mut step);
+        }
         step
     }
 
@@ -513,7 +583,8 @@ impl<'s> Search<'s> {
         if order == 0 {
             return Ok(Signs::default());
         }
-        let mut factorization = Ldlt::sharing(&self.cholesky)?;
+        let Solver::Factored(cholesky) = &self.solver else { return self.signs_found(&a, band) };
+        let mut factorization = Ldlt::sharing(cholesky)?;
         let mut counts = ShiftInvert::new(Pencil::of(&a), &mut factorization, &mut self.work);
         // A pivot that vanishes at one shift does not at another; what cannot be counted is not told from zero.
         let mut below = |shift: f64| (0..8).find_map(|k| counts.below(shift * (1.0 + 0.01 * f64::from(k))));
@@ -538,9 +609,14 @@ impl<'s> Search<'s> {
         if a.order() == 0 || self.factor(&a) {
             return Ok(None);
         }
-        let mut factorization = Ldlt::sharing(&self.cholesky)?;
-        let mut search = ShiftInvert::new(Pencil::of(&a), &mut factorization, &mut self.work);
-        let lowest = search.lowest(1, Accuracy::CERTIFIED).into_iter().next();
+        let lowest = match &self.solver {
+            Solver::Factored(cholesky) => {
+                let mut factorization = Ldlt::sharing(cholesky)?;
+                let mut search = ShiftInvert::new(Pencil::of(&a), &mut factorization, &mut self.work);
+                search.lowest(1, Accuracy::CERTIFIED).into_iter().next()
+            }
+            Solver::Iterative(_) => self.lowest_found(&a)?.into_iter().min_by(|a, b| a.value.total_cmp(&b.value)),
+        };
         self.lowest = lowest.filter(|pair| pair.value <= band).map(|pair| (pair.value, pair.vector));
         Ok(self.lowest.clone().filter(|(value, _)| *value < -band).map(|(_, vector)| vector))
     }
@@ -577,6 +653,7 @@ impl<'s> Search<'s> {
             energy: self.energy,
             iterations: self.iterations,
             inertia,
+            counted: matches!(self.solver, Solver::Factored(_)),
             lowest: self.lowest,
             falling: self.falling,
             work: self.work,

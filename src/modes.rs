@@ -263,7 +263,7 @@ impl Rounding<'_> {
 
 /// The lowest pairs by products and multigrid, without a factorization and without a count: Davidson's method on `M⁻¹A`, preconditioned with multigrid for
 /// `A + sM`, s small against ‖M⁻¹A‖, under option *tension* where A is not positive definite.
-fn uncounted(
+pub(crate) fn uncounted(
     system: &System,
     state: &State,
     a: &SymmetricMatrix,

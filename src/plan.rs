@@ -220,7 +220,7 @@ impl Plan {
         let Configuration { method, options } = &self.configuration;
         let option = match options.stiffness {
             StiffnessPolicy::Always(option) => option,
-            StiffnessPolicy::OnDemand => Stiffness::Full,
+            StiffnessPolicy::OnDemand | StiffnessPolicy::Progressive => Stiffness::Full,
         };
         (option, method.matrix_dt(step))
     }

@@ -68,9 +68,9 @@ pub struct Spring {
     pub damping: f64,
 }
 
-/// The part of the stiffness block that enters the system matrix: options I, II and III of the lecture notes.
+/// The stiffness block that enters the system matrix: options I, II and III of the lecture notes, and the absolute values of its eigenvalues.
 ///
-/// Forces do not depend on it. Under `Tension` and `Axial` every block is positive semidefinite.
+/// Forces do not depend on it. Under all but `Full` every block is positive semidefinite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stiffness {
     /// The exact `K^s`. Indefinite for a compressed spring (`l < l0`).
@@ -82,11 +82,18 @@ pub enum Stiffness {
     /// Drops the transverse term of every spring.
     #[doc(alias = "option III")]
     Axial,
+    /// Every eigenvalue of `K^s` by its absolute value: `k |1/l0 − 1/l|` in place of the transverse coefficient.
+    ///
+    /// The eigenvalues of the block are α = `k (1/l0 − 1/l)`, twice, and β = `k/l0 > 0`. A quadratic model with |α| in place of α < 0 is the
+    /// one whose minimum, along each eigenvector, is as far away as the maximum of the exact one, so that steps off a maximum are neither
+    /// unbounded nor, as with a small positive value, far too long. Source: Chen, Liu, Jacobson, Levin and Zheng, "Stabler Neo-Hookean
+    /// Simulation: Absolute Eigenvalue Filtering for Projected Newton", SIGGRAPH 2024; the form for springs is our own.
+    Absolute,
 }
 
 impl Stiffness {
-    /// The three options in the order of the lecture notes.
-    pub const ALL: [Self; 3] = [Self::Full, Self::Tension, Self::Axial];
+    /// The three options in the order of the lecture notes, and the absolute values.
+    pub const ALL: [Self; 4] = [Self::Full, Self::Tension, Self::Axial, Self::Absolute];
 
     /// The name used on the command line and in files.
     pub fn name(self) -> &'static str {
@@ -94,6 +101,7 @@ impl Stiffness {
             Self::Full => "full",
             Self::Tension => "tension",
             Self::Axial => "axial",
+            Self::Absolute => "absolute",
         }
     }
 }
@@ -180,6 +188,7 @@ impl Spring {
             Stiffness::Full => elongation,
             Stiffness::Tension => elongation.max(0.0),
             Stiffness::Axial => 0.0,
+            Stiffness::Absolute => elongation.abs(),
         };
         // k (1/l0 − 1/l); the difference l − l0 is exact near rest.
         let transverse = self.stiffness * elongation / (self.rest_length * at.length);
@@ -400,15 +409,13 @@ mod tests {
     #[test]
     fn blocks_have_their_coefficients() {
         let (stretched, shortened) = (stretched(), Extension { direction: Vector3::x(), length: 1.25 });
-        for (option, transverse) in
-            [(Stiffness::Full, [4.0, -8.0]), (Stiffness::Tension, [4.0, 0.0]), (Stiffness::Axial, [0.0, 0.0])]
-        {
+        for (option, transverse) in Stiffness::ALL.into_iter().zip([[4.0, -8.0], [4.0, 0.0], [0.0, 0.0], [4.0, 8.0]]) {
             let blocks = [stretched, shortened].map(|at| SPRING.stiffness_block(&at, option));
             assert_eq!(blocks.map(|block| block.transverse), transverse, "{}", option.name());
             assert_eq!(blocks.map(|block| block.axial), [8.0; 2]);
-            assert_eq!(blocks.map(|block| block.lowest()), transverse);
+            assert_eq!(blocks.map(|block| block.lowest()), transverse.map(|across| across.min(8.0)));
         }
-        assert_eq!(Stiffness::ALL.map(Stiffness::name), ["full", "tension", "axial"]);
+        assert_eq!(Stiffness::ALL.map(Stiffness::name), ["full", "tension", "axial", "absolute"]);
         let damping = SPRING.damping_block(&stretched);
         assert_eq!((damping.transverse, damping.axial, damping.lowest()), (0.0, 3.0, 0.0));
         let sum = SPRING.stiffness_block(&stretched, Stiffness::Full) * 0.5 + damping;

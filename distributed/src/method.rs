@@ -19,7 +19,7 @@ pub struct MethodArguments {
 
     /// Which part of every spring's stiffness enters the matrix A; forces are never changed
     #[arg(long, default_value = "on-demand")]
-    #[arg(value_parser = PossibleValuesParser::new(["on-demand", "full", "tension", "axial"]))]
+    #[arg(value_parser = PossibleValuesParser::new(StiffnessPolicy::ALL.map(StiffnessPolicy::name)))]
     pub stiffness: String,
 
     /// Linear solver: conjugate gradients, or a factorization by MUMPS, which knows whether A is definite
@@ -54,8 +54,8 @@ impl MethodArguments {
 
     /// The stiffness policy asked for.
     pub fn policy(&self) -> StiffnessPolicy {
-        let named = Stiffness::ALL.into_iter().find(|option| option.name() == self.stiffness);
-        named.map_or(StiffnessPolicy::OnDemand, StiffnessPolicy::Always)
+        let named = StiffnessPolicy::ALL.into_iter().find(|policy| policy.name() == self.stiffness);
+        named.unwrap_or(StiffnessPolicy::OnDemand)
     }
 
     /// The options of implicit methods.

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use sprung::integrate::{ImplicitOptions, Method, StiffnessPolicy};
 use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions, Tolerance};
 use sprung::system::Axes;
-use sprung::{Constraint, Motion, Spring, State, Stiffness, System, SystemBuilder};
+use sprung::{Constraint, Motion, Spring, State, System, SystemBuilder};
 
 /// Bytes that choices are read from; zeros when they are used up.
 pub struct Bytes<'a> {
@@ -90,10 +90,7 @@ impl<'a> Bytes<'a> {
 
     pub fn options(&mut self) -> ImplicitOptions {
         use SolverChoice::{Auto, Cg, CgAssembled, Ldlt, Llt};
-        let stiffness = match self.byte() % 4 {
-            0 => StiffnessPolicy::OnDemand,
-            other => StiffnessPolicy::Always(Stiffness::ALL[usize::from(other) - 1]),
-        };
+        let stiffness = self.pick(&StiffnessPolicy::ALL);
         let kinds = [
             None,
             Some(PreconditionerKind::None),

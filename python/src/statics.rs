@@ -4,6 +4,7 @@ use crate::arrays::{Given, rows, shaped, state, vectors};
 use crate::compute::{Flag, compute};
 use crate::error::raised;
 use crate::gradient::{Arrays, arrays};
+use crate::names;
 use crate::system::System;
 use numpy::{PyArray1, PyArray2, PyArray3, PyReadonlyArray2};
 use pyo3::exceptions::PyRuntimeError;
@@ -30,24 +31,26 @@ pub fn equilibrium(
     leave_saddles: bool,
     tolerance: f64,
     iterations: usize,
+    stiffness: &str,
 ) -> PyResult<Equilibrium> {
+    let stiffness = names::policy(stiffness)?;
     let state = state(&system.system, &given)?;
     let flag = Flag::new();
     let system = system.bound(py, &flag);
-    let options = EquilibriumOptions { tolerance, iterations, load, leave_saddles };
+    let options = EquilibriumOptions { tolerance, iterations, load, leave_saddles, stiffness };
     let found = compute(py, &flag, || find_equilibrium(&system, &state, options))?.map_err(raised)?;
     Ok(Equilibrium { system, found })
 }
 
 #[pymethods]
 impl Equilibrium {
-    /// Status, residual, energy, iterations, signs and particles that fall.
+    /// Status, residual, energy, iterations, signs, whether these were counted, and particles that fall.
     #[allow(clippy::type_complexity)]
-    fn figures(&self) -> (&'static str, f64, f64, usize, [usize; 3], Vec<usize>) {
+    fn figures(&self) -> (&'static str, f64, f64, usize, [usize; 3], bool, Vec<usize>) {
         let found = &self.found;
         let signs = found.inertia;
         let signs = [signs.negative, signs.zero, signs.positive];
-        (found.stability.name(), found.residual, found.energy, found.iterations, signs, found.falling.clone())
+        (found.stability.name(), found.residual, found.energy, found.iterations, signs, found.counted, found.falling.clone())
     }
 
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {

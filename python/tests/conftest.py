@@ -82,6 +82,8 @@ def assemble(system: sprung.System, state: sprung.State, dt: float, stiffness: s
         across = np.where(length < l0, 0.0, across)
     elif stiffness == "axial":
         across = np.zeros_like(across)
+    elif stiffness == "absolute":
+        across = abs(across)
     blocks = across[:, None, None] * (np.eye(dimension) - outer) + (k / l0)[:, None, None] * outer
 
     def scattered(blocks):

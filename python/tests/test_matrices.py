@@ -19,7 +19,7 @@ def largest(matrix) -> float:
     return abs(matrix).max() if matrix.shape[0] else 0.0
 
 
-@pytest.mark.parametrize("stiffness", ["full", "tension", "axial"])
+@pytest.mark.parametrize("stiffness", ["full", "tension", "axial", "absolute"])
 def test_matrices_are_those_of_the_formulas(system, stiffness):
     state = system.initial_state()
     ours, theirs = system.matrices(state, DT, stiffness), assemble(system, state, DT, stiffness)

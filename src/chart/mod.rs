@@ -6,6 +6,7 @@
 mod conclusion;
 mod curve;
 mod decision;
+pub mod definiteness;
 mod dop853;
 mod reference;
 mod run;

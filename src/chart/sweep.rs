@@ -14,7 +14,9 @@ use std::time::{Duration, Instant};
 /// The configurations that a sweep compares: each method under each option that it has, by factorization, and
 /// linearised backward Euler, bdf2 and the W-method by conjugate gradients too.
 pub fn configurations(par: Par) -> Vec<Configuration> {
-    let policies = Stiffness::ALL.map(StiffnessPolicy::Always).into_iter().chain([StiffnessPolicy::OnDemand]);
+    // The options of the notes and the default; [`definiteness`](super::definiteness) compares the others too.
+    let options = [Stiffness::Full, Stiffness::Tension, Stiffness::Axial].map(StiffnessPolicy::Always);
+    let policies = options.into_iter().chain([StiffnessPolicy::OnDemand]);
     let with = |method, stiffness, solver| {
         let linear = SolverOptions { solver, par, ..SolverOptions::default() };
         Configuration { method, options: ImplicitOptions { stiffness, linear } }

@@ -2,6 +2,7 @@
 
 use super::common::{LoadedScene, SceneFile, claim, positive};
 use super::console::{Console, error};
+use super::definiteness;
 use super::threads::{Threads, end_in_order, interrupt, is_interrupted};
 use super::{Exit, Stop};
 use serde::Serialize;
@@ -37,18 +38,23 @@ pub struct Chart {
 
     /// Time step around which to sweep, in seconds [default: the scene's time.dt, or 0.01]
     #[arg(long, value_name = "S", value_parser = positive)]
-    dt: Option<f64>,
+    pub(super) dt: Option<f64>,
 
     /// Map the limits of stability too: every method on a model of one particle between two springs
     #[arg(long)]
     stability: bool,
 
+    /// Compare every answer to a matrix that is not definite instead: one backward Euler step of 1, 4, 16, 64 and 256 dt and the equilibrium, from
+    /// the scene's start, under every stiffness option and policy. Writes definiteness.html, definiteness.json and chart/definiteness.svg
+    #[arg(long, conflicts_with_all = ["stability", "duration"])]
+    definiteness: bool,
+
     #[command(flatten)]
-    threads: Threads,
+    pub(super) threads: Threads,
 
     /// Folder for the files, made where it does not exist [default: out/<scene name>]
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub(super) out: Option<PathBuf>,
 }
 
 const FILES: [&str; 2] = ["chart.json", "chart.html"];
@@ -67,13 +73,16 @@ struct Report<'a> {
 impl Chart {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let scene = self.scene.load(console)?;
+        let budget = Duration::try_from_secs_f64(self.budget).unwrap_or(Duration::MAX / 16).min(Duration::MAX / 16);
+        if self.definiteness {
+            return definiteness::execute(self, &scene, budget, console);
+        }
         let dt = scene.step_or_default(console, self.dt);
         let duration = scene.motion_length(self.duration, "a chart")?;
         scene.check_schedule(dt, duration)?;
         let folder = scene.folder(&self.out);
         end_in_order();
         let _claimed = claim(&folder, &FILES, false)?;
-        let budget = Duration::try_from_secs_f64(self.budget).unwrap_or(Duration::MAX / 16).min(Duration::MAX / 16);
         let until = Deadline::after(budget, interrupt());
         let sweep = if self.stability { budget / 2 } else { budget };
         let whole = scene.time.duration.filter(|whole| *whole > duration);

@@ -1,12 +1,14 @@
 //! `sprung equilibrium`: where the scene comes to rest.
 
-use super::common::{At, LoadedScene, SceneFile, claim, positive_count};
+use super::common::{At, LoadedScene, SceneFile, choice, claim, positive_count};
 use super::console::{Console, error};
+use super::method::STIFFNESSES;
 use super::threads::Threads;
 use super::view::{write_motions, write_page};
 use super::{Exit, Stop};
 use sprung::equilibrium::{Equilibrium, EquilibriumOptions, LoadPath, Stability, equilibrium, load_path};
 use sprung::figure::{Animation, SceneTopology};
+use sprung::integrate::StiffnessPolicy;
 use sprung::output::{AtomicFile, OutputFolder};
 use sprung::report::statics::{
     EquilibriumRecord, buckling_motions, equilibrium_text, load_path_animation, load_path_plot, verdict,
@@ -33,6 +35,10 @@ pub struct EquilibriumCommand {
     #[arg(long, value_name = "N", value_parser = positive_count::<NonZeroUsize>)]
     load_path: Option<NonZeroUsize>,
 
+    /// Matrix of steps that start far from the equilibrium
+    #[arg(long, value_name = "OPTION", default_value = "on-demand", value_parser = choice(&STIFFNESSES, StiffnessPolicy::name))]
+    stiffness: StiffnessPolicy,
+
     #[command(flatten)]
     at: At,
 
@@ -57,10 +63,11 @@ impl EquilibriumCommand {
         let folder = scene.folder(&self.out);
         let file = scene.file.clone();
         let steps = self.load_path;
+        let options = EquilibriumOptions { stiffness: self.stiffness, ..EquilibriumOptions::default() };
         let computed = self.threads.attend(
             move |_: &mut dyn FnMut(())| {
                 let LoadedScene { system, state, .. } = &scene;
-                let found = equilibrium(system, state, EquilibriumOptions::default())?;
+                let found = equilibrium(system, state, options)?;
                 let path = steps.map(|steps| load_path(system, state, steps.get())).transpose()?;
                 Ok((scene, found, path))
             },

@@ -56,10 +56,11 @@ pub struct Inspect {
     out: Option<PathBuf>,
 }
 
-const STIFFNESSES: [(Stiffness, &str); 3] = [
+const STIFFNESSES: [(Stiffness, &str); 4] = [
     (Stiffness::Full, "the exact stiffness"),
     (Stiffness::Tension, "without the transverse terms of compressed springs"),
     (Stiffness::Axial, "without any transverse term"),
+    (Stiffness::Absolute, "the transverse terms of compressed springs with the other sign"),
 ];
 
 const FILES: [&str; 6] =

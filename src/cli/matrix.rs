@@ -48,10 +48,11 @@ pub struct Matrix {
     out: Option<PathBuf>,
 }
 
-const STIFFNESSES: [(Stiffness, &str); 3] = [
+const STIFFNESSES: [(Stiffness, &str); 4] = [
     (Stiffness::Full, "the exact stiffness; A may be indefinite when springs are compressed"),
     (Stiffness::Tension, "drop the transverse terms of compressed springs; A is positive definite"),
     (Stiffness::Axial, "drop all transverse terms; A is positive definite"),
+    (Stiffness::Absolute, "the transverse terms of compressed springs with the other sign; A is positive definite"),
 ];
 
 const FILES: [&str; 6] = ["A.mtx", "M.mtx", "G.mtx", "K.mtx", "b.mtx", "dofs.csv"];

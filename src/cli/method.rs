@@ -73,14 +73,19 @@ const METHODS: [(MethodChoice, &str); 11] = [
     ),
 ];
 
-const STIFFNESSES: [(StiffnessPolicy, &str); 4] = [
+pub(super) const STIFFNESSES: [(StiffnessPolicy, &str); 6] = [
     (
         StiffnessPolicy::OnDemand,
         "full while A is positive definite; in solves where it is not, without the few terms that spoil it",
     ),
+    (
+        StiffnessPolicy::Progressive,
+        "full while A is positive definite; where it is not, tension for springs at large residuals",
+    ),
     (Always(Stiffness::Full), "the exact stiffness; A may be indefinite when springs are compressed"),
     (Always(Stiffness::Tension), "drop the transverse terms of compressed springs"),
     (Always(Stiffness::Axial), "drop all transverse terms"),
+    (Always(Stiffness::Absolute), "the transverse terms of compressed springs with the other sign"),
 ];
 
 const SOLVERS: [(SolverChoice, &str); 5] = [

@@ -4,6 +4,7 @@ mod accuracy;
 mod chart;
 mod common;
 mod console;
+mod definiteness;
 mod equilibrium;
 mod files;
 mod inspect;

@@ -308,9 +308,9 @@ fn explain_failure(
     let inspection = Inspection::at(system, state, matrix_dt, option, parallelism(system))?;
     let (causes, remedy) = explain(&inspection, dt);
     causes.into_iter().for_each(error);
-    // Other policies would have been no help to `on-demand`.
-    let is_on_demand = plan.configuration.options.stiffness == StiffnessPolicy::OnDemand;
-    remedy.filter(|_| !is_on_demand).into_iter().for_each(help);
+    // Other policies would have been no help to one that finds definite matrices.
+    let is_policy = !matches!(plan.configuration.options.stiffness, StiffnessPolicy::Always(_));
+    remedy.filter(|_| !is_policy).into_iter().for_each(help);
     let (scene, steps) = (&summary.scene, summary.steps);
     FailedStep { scene, system, state, steps, dt, inspection: &inspection }.write(folder)?;
     console.note(format_args!("{} has A, b and the culprits", folder.display()));

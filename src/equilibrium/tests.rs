@@ -57,6 +57,46 @@ fn a_column_buckles_off_its_saddle() {
     assert!((found.state.positions[1].y.abs() - 0.6).abs() < 1e-10 && found.energy < 1e-20, "{found:?}");
 }
 
+/// Without a factorization a hung lattice comes to the same rest, a straight column leaves the same saddle, and a free pair has the same free
+/// motions; signs are said not to be counted.
+#[cfg(feature = "scene")]
+#[test]
+fn equilibria_without_a_factorization_are_the_same() {
+    let mut column = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    for x in [0.0, 0.8, 1.6, 2.4] {
+        column.particle([x, 0.0, 0.0], 1.0);
+    }
+    (0..3).for_each(|p| drop(column.spring(p, p + 1, spring(10.0, 1.0))));
+    column.hold(0).hold(3);
+    let mut pair = SystemBuilder::new();
+    pair.particle([0.0; 3], 1.0);
+    pair.particle([1.3, 0.2, 0.0], 2.0);
+    pair.spring(0, 1, spring(10.0, 1.0));
+    let lattice = crate::scene::builtin(crate::scene::Kind::Lattice, 5).unwrap().build().unwrap();
+    for (system, state) in [lattice, column.build().unwrap(), pair.build().unwrap()] {
+        let found = find(&system, &state);
+        let mut search = Search::new(&system, &state, EquilibriumOptions::default()).unwrap();
+        search.solver = Solver::iterative(&system).unwrap();
+        let other = search.run().unwrap();
+        assert_eq!((other.stability, other.inertia, other.counted), (found.stability, found.inertia, false));
+        assert!(found.counted && other.residual <= 1e-10 && other.work.factorizations == 0, "{}", other.residual);
+        let scale = found.energy.abs().max(1e-9);
+        assert!((other.energy - found.energy).abs() <= 1e-9 * scale, "{} {}", other.energy, found.energy);
+    }
+}
+
+/// A matrix is factored where that is cheaper than conjugate gradients.
+#[cfg(feature = "scene")]
+#[test]
+fn solids_of_many_particles_are_not_factored() {
+    for (size, is_factored) in [(8, true), (40, false)] {
+        let (system, _) = crate::scene::builtin(crate::scene::Kind::Lattice, size).unwrap().build().unwrap();
+        let matrices = Matrices::new(&system).unwrap();
+        let solver = Solver::new(&system, matrices.k()).unwrap();
+        assert_eq!(matches!(solver, Solver::Factored(_)), is_factored, "{size}");
+    }
+}
+
 /// Without a load a free body is indifferent, with one it falls, all of it and nothing else; on rollers it falls only along them.
 #[test]
 fn bodies_that_nothing_holds_are_named() {
@@ -84,7 +124,7 @@ fn bodies_that_nothing_holds_are_named() {
     assert_eq!(find(&system, &state).stability, Stability::Indifferent);
 }
 
-/// Random nets in space, thrown about, hung or free: what is called a minimum is one, by a dense eigenvalue solver, and no force is left.
+/// Random nets in space, thrown about, hung or free, under both policies: what is called a minimum is one, by a dense eigenvalue solver, and no force is left.
 #[test]
 fn minima_are_minima() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(11_2026);
@@ -116,7 +156,9 @@ fn minima_are_minima() {
         }
         builder.hold(0).hold(number(0, size - 1));
         let (system, state) = builder.build().unwrap();
-        let found = find(&system, &state);
+        let stiffness = [StiffnessPolicy::OnDemand, StiffnessPolicy::Progressive][trial / 6 % 2];
+        let options = EquilibriumOptions { stiffness, ..EquilibriumOptions::default() };
+        let found = equilibrium(&system, &state, options).unwrap();
         assert!(
             matches!(found.stability, Stability::Stable | Stability::Indifferent),
             "{trial}: {:?}",

@@ -323,7 +323,7 @@ impl<'s> CriticalSteps<'s> {
             // S(s) is A(2s): semidefinite as far as A is, and beyond.
             (Property::Definite, _) | (Property::Stable, Stiffness::Full) => self.search(Property::Definite, option),
             // A is positive definite for every s.
-            (Property::Stable, Stiffness::Tension | Stiffness::Axial) => self.search(Property::Stable, option),
+            (Property::Stable, _) => self.search(Property::Stable, option),
         }
     }
 

@@ -103,7 +103,7 @@ impl Inspection {
             }
         }
         let mut pencil = MatrixPencil::new(system, extensions.clone());
-        for option in [Stiffness::Tension, Stiffness::Axial] {
+        for option in [Stiffness::Tension, Stiffness::Axial, Stiffness::Absolute] {
             pencil.set(Property::Stable, option, 0.0);
             if pencil.operator().has_no_negative_block() {
                 self.options[index_of(option)].stable = LargestStep::Every;

@@ -197,7 +197,7 @@ impl<'s> Follower<'s> {
             definiteness: DefinitenessWatch::new(system, start, option, dt, par)?,
             stability: match option {
                 Stiffness::Axial => Some(DefinitenessWatch::of(Property::Stable, system, start, option, dt, par)?),
-                Stiffness::Full | Stiffness::Tension => None,
+                Stiffness::Full | Stiffness::Tension | Stiffness::Absolute => None,
             },
             before: start.positions.clone(),
             extensions: SpringGeometry::at(system, start)?,

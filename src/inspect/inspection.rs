@@ -127,7 +127,7 @@ pub struct Inspection {
     /// The examined option: that of the directions.
     pub option: Stiffness,
     /// A under each option, in the order of [`Stiffness::ALL`].
-    pub options: [OptionInspection; 3],
+    pub options: [OptionInspection; 4],
     /// The quick check under the examined option.
     pub first: Option<FirstAnswer>,
     /// Modes of the exact motion that grow: negative eigenvalues of −K. No step can make these stable.
@@ -260,6 +260,7 @@ pub(super) fn index_of(option: Stiffness) -> usize {
         Stiffness::Full => 0,
         Stiffness::Tension => 1,
         Stiffness::Axial => 2,
+        Stiffness::Absolute => 3,
     }
 }
 

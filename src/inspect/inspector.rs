@@ -76,7 +76,7 @@ impl Inspection {
             .iter()
             .flat_map(|&each| {
                 let spectrum = (each != option).then_some(Part::Spectrum(each));
-                let turning = (each != Stiffness::Full).then_some(Part::Turning(each));
+                let turning = matches!(each, Stiffness::Tension | Stiffness::Axial).then_some(Part::Turning(each));
                 [spectrum, turning].into_iter().flatten()
             })
             .collect();
@@ -169,7 +169,7 @@ impl<'s> Inspector<'s> {
         let known = match part {
             Part::SmallestSet => self.found.options[0].inertia.is_definite(),
             // Decided by the springs' blocks.
-            Part::Definite(Stiffness::Tension | Stiffness::Axial) => true,
+            Part::Definite(Stiffness::Tension | Stiffness::Axial | Stiffness::Absolute) => true,
             _ => false,
         };
         if !known && !self.budget.affords(part) {
@@ -205,7 +205,7 @@ impl<'s> Inspector<'s> {
             Part::Definite(option) => {
                 let limit = match option {
                     Stiffness::Full => self.critical.definite_knowing(self.known()),
-                    Stiffness::Tension | Stiffness::Axial => self.critical.largest_step(Property::Definite, option),
+                    _ => self.critical.largest_step(Property::Definite, option),
                 };
                 self.found.options[index_of(option)].critical = limit;
                 if option == Stiffness::Full {
@@ -235,7 +235,7 @@ impl<'s> Inspector<'s> {
         Ok(true)
     }
 
-    /// `Tension` stands for `Full` too, see [`RotationLimit::worst`].
+    /// `Tension` stands for all but `Axial`, see [`RotationLimit::worst`].
     fn turning(&mut self, option: Stiffness) {
         if self.factored == Some(option) {
             self.rotation.take_over(option, self.found.dt, &mut self.factorization);

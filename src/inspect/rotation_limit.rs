@@ -124,7 +124,7 @@ impl Turn {
             let excess = squared / (length + counted.abs());
             let brake = match option {
                 Stiffness::Axial => 0.0,
-                Stiffness::Full | Stiffness::Tension => {
+                Stiffness::Full | Stiffness::Tension | Stiffness::Absolute => {
                     // The taut part of the length, and that added by the rotation.
                     let (taut, added) = match counted >= spring.rest_length {
                         true => (counted, excess),
@@ -242,7 +242,8 @@ impl<'s> RotationLimit<'s> {
 
     /// The spring that a step of length dt, in s, rotates worst; `None` where it rotates none or cannot be computed.
     ///
-    /// The step is that of linearised backward Euler, under `Tension` for `Full` too: that matrix is positive definite.
+    /// The step is that of linearised backward Euler, under `Tension` for `Full` too, as that matrix is positive definite, and for
+    /// `Absolute`, which differs for compressed springs alone: those that a turn does not stretch.
     pub fn worst(&mut self, option: Stiffness, dt: f64) -> Option<Turn> {
         let solved = if option == Stiffness::Axial { Stiffness::Axial } else { Stiffness::Tension };
         self.operator.update(&self.extensions, solved, Combination::step(dt));

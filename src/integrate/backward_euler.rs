@@ -76,6 +76,8 @@ impl TimeStepper for LinearBackwardEuler<'_> {
         linear.statistics.work.force_evaluations += 1;
         set_right_hand_side(system, &linear.extensions, state, dt, force);
         system.prescribed().displacement(time, &state.positions, displacement);
+        // At δ = 0 the residual of the step's equations is −b.
+        linear.begin(force, true);
         linear.prepare(linear.policy, Combination::step(dt))?;
         // The first omitted term of x' = x + dt v' is ½ dt² a, with dt a = v' − v.
         let error = |d: &[Vector3<f64>]| 0.5 * mass_norm(system, |p| d[p] - state.velocities[p] * dt);
@@ -177,6 +179,18 @@ impl<'s> BackwardEuler<'s> {
         solver: Box<dyn LinearSolver + 's>,
     ) -> Result<Self> {
         Newton::new(LinearSystem::with_solver(system, state, options, solver)?, state, newton).map(Self)
+    }
+}
+
+impl BackwardEuler<'_> {
+    /// Keeps an option for all iterations, for comparisons.
+    pub(crate) fn keep_option(&mut self) {
+        self.0.keeps_option = true;
+    }
+
+    /// Transverse terms that the matrices of all solves have dropped or mirrored.
+    pub(crate) fn changed_terms(&self) -> u64 {
+        self.0.linear.changed_terms
     }
 }
 

@@ -1,6 +1,7 @@
 //! The linear system of a step under a stiffness policy, shared by all implicit methods.
 
 use super::linear_tolerance::LinearTolerance;
+use super::progressive::Projection;
 use super::stiffness_policy::{StiffnessState, Terms};
 use super::{Regularization, Statistics, StepFailure, StiffnessPolicy, check_room};
 use crate::error::Result;
@@ -64,6 +65,10 @@ pub(super) struct LinearSystem<'s> {
     equations: MatrixAndSolver<'s>,
     /// Made when first needed.
     regularization: Option<Regularization>,
+    /// Of the progressive policy.
+    projection: Option<Projection>,
+    /// Transverse terms that all prepared matrices have dropped or mirrored, those of stretched springs under `axial` included.
+    pub changed_terms: u64,
     pub policy: StiffnessPolicy,
     pub adaptive_tolerance: LinearTolerance,
     interrupt: Interrupt,
@@ -114,6 +119,8 @@ impl<'s> LinearSystem<'s> {
             statistics: Statistics::default(),
             equations: MatrixAndSolver::new(matrix, solver),
             regularization: (policy == StiffnessPolicy::OnDemand).then(|| Regularization::new(system)),
+            projection: (policy == StiffnessPolicy::Progressive).then(|| Projection::new(system)),
+            changed_terms: 0,
             policy,
             adaptive_tolerance: LinearTolerance::new(system, options.linear.tolerance),
             interrupt: options.linear.interrupt,
@@ -137,14 +144,38 @@ impl<'s> LinearSystem<'s> {
         StepFailure::of_any(self.system, updated.map_err(Into::into))
     }
 
+    /// Begins the iteration, or the linearised step, of a residual r, full-length: of the first one of a problem, or of a later one. Only the
+    /// progressive policy looks at it.
+    pub fn begin(&mut self, r: &[Vector3<f64>], is_first: bool) {
+        if let Some(projection) = &mut self.projection {
+            if is_first {
+                projection.restart();
+            }
+            projection.begin(self.system, r);
+        }
+    }
+
     /// Prepares the matrix of a combination at the current extensions under a policy.
     pub fn prepare(&mut self, policy: StiffnessPolicy, combination: Combination) -> Result<(), SolveFailure> {
         self.combination = combination;
         let mut outcome = self.assemble(StiffnessState::first(policy));
-        while let (Err(SolveFailure::Indefinite(_)), Some(softer)) = (&outcome, self.stiffness.softer()) {
+        while let Err(SolveFailure::Indefinite(_)) = outcome
+            && let Some(softer) = self.softer()
+        {
             outcome = self.assemble(softer);
         }
         outcome
+    }
+
+    /// The replacement for an indefinite matrix, where the policy has one.
+    fn softer(&mut self) -> Option<StiffnessState> {
+        let Self { system, extensions, projection, stiffness, .. } = self;
+        if let (Terms::Projected, Some(projection)) = (stiffness.terms, projection)
+            && projection.lower(system, extensions, stiffness.dropped, compressed(system, extensions))
+        {
+            return Some(*stiffness);
+        }
+        stiffness.softer()
     }
 
     /// Prepares the matrix of a combination at the current extensions with the full stiffness. Where it is not positive definite it is refused as
@@ -181,13 +212,27 @@ impl<'s> LinearSystem<'s> {
     fn assemble(&mut self, state: StiffnessState) -> Result<(), SolveFailure> {
         self.check_interrupt()?;
         self.stiffness = state;
-        let Self { system, extensions, equations, statistics, regularization, stiffness, combination, .. } = self;
+        let Self {
+            system, extensions, equations, statistics, regularization, projection, stiffness, combination, ..
+        } = self;
         let combination = *combination;
         statistics.work.assemblies += 1;
         let change = |matrix: &mut SystemOperator<'s>| match stiffness.terms {
             Terms::Of(option) => {
-                stiffness.dropped = if option == Stiffness::Tension { compressed(system, extensions) } else { 0 };
+                stiffness.dropped = match option {
+                    Stiffness::Tension | Stiffness::Absolute => compressed(system, extensions),
+                    Stiffness::Full | Stiffness::Axial => 0,
+                };
                 matrix.update(extensions, option, combination);
+            }
+            Terms::Projected => {
+                let projection = projection.get_or_insert_with(|| Projection::new(system));
+                stiffness.dropped = projection.update(system, extensions);
+                let options = projection.options();
+                match stiffness.dropped {
+                    0 => matrix.update(extensions, Stiffness::Full, combination),
+                    _ => matrix.update_each(extensions, combination, |position| options[position]),
+                }
             }
             Terms::Whole => {
                 stiffness.dropped = 0;
@@ -240,11 +285,17 @@ impl<'s> LinearSystem<'s> {
         displacement: &mut [Vector3<f64>],
     ) -> Result<Solution, SolveFailure> {
         let mut outcome = self.attempt(tolerance, force, displacement);
-        while let (Err(SolveFailure::Indefinite(_)), Some(softer)) = (&outcome, self.stiffness.softer()) {
+        while let Err(SolveFailure::Indefinite(_)) = outcome
+            && let Some(softer) = self.softer()
+        {
             outcome = self.assemble(softer).and_then(|()| self.attempt(tolerance, force, displacement));
         }
         let solution = outcome?;
         self.stiffness.count(&mut self.statistics);
+        self.changed_terms += match self.stiffness.terms {
+            Terms::Of(Stiffness::Axial) => self.system.active_springs().len() as u64,
+            _ => self.stiffness.dropped as u64,
+        };
         self.system.dofs().scatter(&self.solution, displacement);
         Ok(solution)
     }

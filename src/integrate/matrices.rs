@@ -84,6 +84,24 @@ impl<'s> Matrices<'s> {
     /// # Errors
     /// A state of another system; coincident ends of a spring. Without an update that succeeds there is neither A nor b.
     pub fn update(&mut self, state: &State, option: Stiffness) -> Result<()> {
+        self.update_with(state, option, |operator, extensions, combination| {
+            operator.update(extensions, option, combination);
+        })
+    }
+
+    /// As [`update`](Self::update), with an option for every active spring.
+    pub(crate) fn update_each(&mut self, state: &State, options: &[Stiffness]) -> Result<()> {
+        self.update_with(state, Stiffness::Tension, |operator, extensions, combination| {
+            operator.update_each(extensions, combination, |position| options[position]);
+        })
+    }
+
+    fn update_with(
+        &mut self,
+        state: &State,
+        option: Stiffness,
+        set: impl Fn(&mut SystemOperator<'s>, &SpringGeometry, Combination),
+    ) -> Result<()> {
         state.check(self.system)?;
         let (extensions, mut operator) = match self.at.take() {
             Some(Linearization { mut extensions, operator, .. }) => {
@@ -97,7 +115,7 @@ impl<'s> Matrices<'s> {
             }
         };
         for (matrix, combination) in [(&mut self.k, Combination::STIFFNESS), (&mut self.g, Combination::DAMPING)] {
-            operator.update(&extensions, option, combination);
+            set(&mut operator, &extensions, combination);
             matrix.refill(&operator);
         }
         self.at = Some(Linearization { extensions, operator, option });

@@ -21,6 +21,7 @@ mod newton;
 mod oscillator;
 #[cfg(test)]
 mod parts_tests;
+mod progressive;
 mod propagated_error;
 mod regularization;
 mod rodas4;
@@ -50,6 +51,7 @@ pub use monitor::{
     Balance, ErrorIndicators, INACCURATE, Monitor, MonitorCheckpoint, MonitorOptions, Warning, percent, threshold,
 };
 pub use newton::NewtonOptions;
+pub(crate) use progressive::Projection;
 pub use propagated_error::{CompletedStep, PropagatedError};
 pub use regularization::Regularization;
 pub use rodas4::Rodas4;

@@ -25,7 +25,9 @@
 //! to which the work of the damping forces along the line searched is added, `−∫ f_dᵀ dδ` by the trapezoidal rule. Their sum φ has the
 //! slope `φ' = rᵀΔ`, and a step s must bring the decrease `φ(s) ≤ φ(0) + c s φ'(0)` (Armijo). Near the solution φ is
 //! all rounding; then its slope must have fallen, `φ'(s) ≤ (1 − 2c)|φ'(0)|`, which for a quadratic φ says the same (the
-//! "approximate Wolfe" condition of Hager and Zhang, 2005). The iteration starts from the predicted state, δ = dt v, and where it
+//! "approximate Wolfe" condition of Hager and Zhang, 2005). Without damping φ(0) is the largest Φ of the last ten iterations (Grippo, Lampariello and
+//! Lucidi, 1986), as in the search for an equilibrium: a long step that turns springs stretches them to second order, which the next
+//! step undoes. The work of damping belongs to one line, so that with damping φ falls in every iteration. The iteration starts from the predicted state, δ = dt v, and where it
 //! fails from there, again from rest, δ = 0.
 //!
 //! **The matrix** is that of the stiffness option as long as it serves, and otherwise one that does, see [`MatrixChoice`].
@@ -93,6 +95,9 @@ impl Default for NewtonOptions {
     }
 }
 
+/// Iterations whose largest Φ is to be undercut: the ten of Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986.
+const MEMORY: usize = 10;
+
 /// Digits of φ lost by rounding, relative to the magnitudes of its terms.
 const NOISE: f64 = 1e-13;
 
@@ -100,12 +105,14 @@ const NOISE: f64 = 1e-13;
 pub(super) struct Newton<'s> {
     pub linear: LinearSystem<'s>,
     options: NewtonOptions,
+    /// True if an option stays where another matrix would do better, for comparisons.
+    pub keeps_option: bool,
     /// True if there are forces without a potential: of damping, or external.
     is_damped: bool,
     /// δ; its prescribed entries are given, its free ones the solution.
     pub displacement: Vec<Vector3<f64>>,
     /// −r at the last point evaluated.
-    force: Vec<Vector3<f64>>,
+    pub force: Vec<Vector3<f64>>,
     /// Δ, its last term, and the right-hand side for that.
     pub direction: Vec<Vector3<f64>>,
     term: Vec<Vector3<f64>>,
@@ -121,6 +128,7 @@ impl<'s> Newton<'s> {
         Ok(Self {
             linear,
             options,
+            keeps_option: false,
             is_damped: system.is_damped() || system.has_external_forces(),
             displacement: zeros(),
             force: zeros(),
@@ -161,6 +169,7 @@ impl<'s> Newton<'s> {
         let mut choice = MatrixChoice::new(policy);
         let mut forcing = Forcing::new(self.linear.adaptive_tolerance.strictest());
         let mut iterations = 0;
+        let mut recent = [f64::NEG_INFINITY; MEMORY];
         loop {
             let Self { linear, trial, term, .. } = self;
             let balance = ForceBalance::new(linear.system, &linear.extensions, [state, trial], dt, term);
@@ -178,15 +187,22 @@ impl<'s> Newton<'s> {
             }
             iterations += 1;
             self.linear.statistics.work.newton_iterations += 1;
+            self.linear.begin(&self.force, iterations == 1);
             let eta = forcing.next(point.residual, target);
             [point.slope, point.damping_slope] = self.prepare_direction(&mut choice, Combination::step(dt), eta)?;
             if point.slope >= 0.0 {
                 return failed(NotSolved::Ascent);
             }
-            let Some((step, next)) = self.line_search(state, dt, point) else {
+            recent[iterations as usize % MEMORY] = point.potential;
+            let is_monotone = self.is_damped || ends_early;
+            let highest =
+                if is_monotone { point.potential } else { recent.into_iter().fold(point.potential, f64::max) };
+            let Some((step, next)) = self.line_search(state, dt, point, highest) else {
                 return failed(NotSolved::LineSearch);
             };
-            choice.record(step, next.residual / point.residual, self.linear.is_regularized());
+            if !self.keeps_option {
+                choice.record(step, next.residual / point.residual, self.linear.is_regularized());
+            }
             // Along the direction the matrix has the norm −rᵀΔ.
             if ends_early && step == 1.0 && self.residual_energy() < -point.slope {
                 return Ok(());
@@ -368,12 +384,13 @@ impl<'s> Newton<'s> {
         Ok([slope, -dot(system, defect, direction)])
     }
 
-    /// Shortens the step along `direction` until φ falls enough, and takes it.
-    fn line_search(&mut self, state: &State, dt: f64, from: Point) -> Option<(f64, Point)> {
+    /// Shortens the step along `direction` until φ is low enough below `highest`, and takes it.
+    fn line_search(&mut self, state: &State, dt: f64, from: Point, highest: f64) -> Option<(f64, Point)> {
+        let reference = Point { potential: highest, ..from };
         let mut step = 1.0;
         for _ in 0..40 {
             match self.evaluate(state, dt, step) {
-                Ok(point) if point.is_lower(&from, step) => {
+                Ok(point) if point.is_lower(&reference, step) => {
                     self.move_by(step);
                     return Some((step, point));
                 }

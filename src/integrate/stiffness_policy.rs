@@ -3,6 +3,7 @@
 //! ```text
 //! an option          that option, definite or not
 //! on demand          all ─► all but a few ─► none of compressed springs
+//! progressive        all ─► none of compressed springs at large residuals, and so on ─► none of compressed springs
 //! whole              all, and an indefinite matrix is refused
 //! ```
 //!
@@ -21,6 +22,7 @@ use crate::spring::Stiffness;
 ///
 /// let policy = StiffnessPolicy::from(Stiffness::Axial);
 /// assert_eq!((policy.name(), StiffnessPolicy::OnDemand.name()), ("axial", "on-demand"));
+/// assert_eq!(StiffnessPolicy::Progressive.name(), "progressive");
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum StiffnessPolicy {
@@ -30,15 +32,21 @@ pub enum StiffnessPolicy {
     /// not, a [`Regularization`](super::Regularization) drops few transverse terms. [`Bdf2`](super::Bdf2), whose result does not depend on
     /// the matrix, takes the transverse terms of tensions that last.
     OnDemand,
+    /// `Full` while A is positive definite; otherwise `Tension` for the springs at particles with a large residual, as few of them as
+    /// make A positive definite when a threshold of residuals is halved. For Newton's method; a linearised step is its first iteration, and the
+    /// residual the right-hand side. Source: Fernández-Fernández, Löschner and Bender, Computer Graphics Forum 45(2), 2026.
+    Progressive,
 }
 
 impl StiffnessPolicy {
     /// Every policy.
-    pub const ALL: [Self; 4] = [
+    pub const ALL: [Self; 6] = [
         Self::OnDemand,
+        Self::Progressive,
         Self::Always(Stiffness::Full),
         Self::Always(Stiffness::Tension),
         Self::Always(Stiffness::Axial),
+        Self::Always(Stiffness::Absolute),
     ];
 
     /// The name used on the command line and in files.
@@ -46,14 +54,15 @@ impl StiffnessPolicy {
         match self {
             Self::Always(option) => option.name(),
             Self::OnDemand => "on-demand",
+            Self::Progressive => "progressive",
         }
     }
 
     pub(super) fn guarantee(self) -> DefinitenessGuarantee {
         match self {
             Self::Always(Stiffness::Full) => DefinitenessGuarantee::Unknown,
-            Self::Always(Stiffness::Tension | Stiffness::Axial) => DefinitenessGuarantee::Definite,
-            Self::OnDemand => DefinitenessGuarantee::RegularizedDefinite,
+            Self::Always(_) => DefinitenessGuarantee::Definite,
+            Self::OnDemand | Self::Progressive => DefinitenessGuarantee::RegularizedDefinite,
         }
     }
 }
@@ -71,6 +80,8 @@ pub(super) enum Terms {
     Of(Stiffness),
     /// All but those that a [`Regularization`](super::Regularization) drops.
     Regularized,
+    /// All but those that a [`Projection`](super::progressive::Projection) drops.
+    Projected,
     /// All, in a matrix that is refused where it is indefinite.
     Whole,
 }
@@ -80,7 +91,7 @@ pub(super) enum Terms {
 pub(super) struct StiffnessState {
     policy: StiffnessPolicy,
     pub terms: Terms,
-    /// Transverse terms that the on-demand policy has dropped.
+    /// Transverse terms of compressed springs that are dropped, or under `absolute` mirrored.
     pub dropped: usize,
     definiteness: Definiteness,
 }
@@ -88,8 +99,12 @@ pub(super) struct StiffnessState {
 impl StiffnessState {
     /// The state in which a policy starts.
     pub fn first(policy: StiffnessPolicy) -> Self {
-        let first = if let StiffnessPolicy::Always(option) = policy { option } else { Stiffness::Full };
-        Self { policy, terms: Terms::Of(first), dropped: 0, definiteness: Definiteness::Unknown }
+        let terms = match policy {
+            StiffnessPolicy::Always(option) => Terms::Of(option),
+            StiffnessPolicy::OnDemand => Terms::Of(Stiffness::Full),
+            StiffnessPolicy::Progressive => Terms::Projected,
+        };
+        Self { policy, terms, dropped: 0, definiteness: Definiteness::Unknown }
     }
 
     /// All terms; indefinite matrices are refused.
@@ -102,7 +117,9 @@ impl StiffnessState {
     pub fn softer(&self) -> Option<Self> {
         let terms = match (self.policy, self.terms) {
             (StiffnessPolicy::OnDemand, Terms::Of(Stiffness::Full)) => Terms::Regularized,
-            (StiffnessPolicy::OnDemand, Terms::Regularized) => Terms::Of(Stiffness::Tension),
+            (StiffnessPolicy::OnDemand, Terms::Regularized) | (StiffnessPolicy::Progressive, Terms::Projected) => {
+                Terms::Of(Stiffness::Tension)
+            }
             _ => return None,
         };
         Some(Self { terms, ..*self })
@@ -115,7 +132,7 @@ impl StiffnessState {
     pub fn accept(&mut self, definiteness: Definiteness) -> Result<(), SolveFailure> {
         self.definiteness = definiteness;
         match definiteness {
-            Definiteness::Indefinite { dof, .. } if self.policy == StiffnessPolicy::OnDemand => {
+            Definiteness::Indefinite { dof, .. } if !matches!(self.policy, StiffnessPolicy::Always(_)) => {
                 Err(SolveFailure::Indefinite(Evidence::Pivot(dof)))
             }
             _ => Ok(()),
@@ -124,8 +141,13 @@ impl StiffnessState {
 
     /// Counts a solve with this matrix.
     pub fn count(&self, statistics: &mut Statistics) {
-        let is_whole = matches!(self.terms, Terms::Of(Stiffness::Full) | Terms::Whole);
-        if self.policy == StiffnessPolicy::OnDemand && !is_whole {
+        let is_whole = match self.terms {
+            Terms::Of(option) => option == Stiffness::Full,
+            Terms::Projected => self.dropped == 0,
+            Terms::Regularized => false,
+            Terms::Whole => true,
+        };
+        if !matches!(self.policy, StiffnessPolicy::Always(_)) && !is_whole {
             statistics.softened_solves += 1;
             statistics.dropped_terms += self.dropped as u64;
         }
@@ -144,7 +166,8 @@ mod tests {
 
     #[test]
     fn policies_have_their_names() {
-        assert_eq!(StiffnessPolicy::ALL.map(StiffnessPolicy::name), ["on-demand", "full", "tension", "axial"]);
+        let names = ["on-demand", "progressive", "full", "tension", "axial", "absolute"];
+        assert_eq!(StiffnessPolicy::ALL.map(StiffnessPolicy::name), names);
     }
 
     #[test]
@@ -154,6 +177,8 @@ mod tests {
         let tension = regularized.softer().unwrap();
         let expected = [Terms::Of(Stiffness::Full), Terms::Regularized, Terms::Of(Stiffness::Tension)];
         assert_eq!([first, regularized, tension].map(|state| state.terms), expected);
+        let projected = StiffnessState::first(StiffnessPolicy::Progressive);
+        assert_eq!([projected, projected.softer().unwrap()].map(|state| state.terms), [Terms::Projected, expected[2]]);
         for last in [tension, StiffnessState::whole(), StiffnessState::first(Stiffness::Full.into())] {
             assert!(last.softer().is_none(), "{last:?}");
         }
@@ -165,6 +190,7 @@ mod tests {
         for (mut state, is_accepted) in [
             (StiffnessState::first(Stiffness::Full.into()), true),
             (StiffnessState::first(StiffnessPolicy::OnDemand), false),
+            (StiffnessState::first(StiffnessPolicy::Progressive), false),
             (StiffnessState::whole(), false),
         ] {
             assert_eq!(state.accept(found).is_ok(), is_accepted, "{state:?}");

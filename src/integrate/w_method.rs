@@ -34,10 +34,12 @@
 //!
 //! which is O(h³) for every J, filtered by W⁻¹ where the system is stiff, and asymptotically the true local error with the exact J.
 
+use super::backward_euler::set_right_hand_side;
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::propagated_error::LeadingTerm;
 use super::{
-    AdaptiveStepper, CompletedStep, ErrorEstimate, PropagatedError, Statistics, StepFailure, TimeStepper, fits,
+    AdaptiveStepper, CompletedStep, ErrorEstimate, PropagatedError, Statistics, StepFailure, StiffnessPolicy,
+    TimeStepper, fits,
 };
 use crate::error::Result;
 use crate::force::{SpringGeometry, add_all_forces, add_damping_product};
@@ -125,6 +127,10 @@ impl<'s> WMethod<'s> {
     fn prepare(&mut self, state: &State, h: f64) -> Result<(), StepFailure> {
         self.matrix = None;
         self.linear.set_extensions(state)?;
+        if self.linear.policy == StiffnessPolicy::Progressive {
+            set_right_hand_side(self.linear.system, &self.linear.extensions, state, Self::GAMMA * h, &mut self.s);
+            self.linear.begin(&self.s, true);
+        }
         self.linear.prepare(self.linear.policy, Combination::step(Self::GAMMA * h))?;
         self.matrix = Some(PreparedMatrix { h, uses: 0 });
         Ok(())

@@ -2,7 +2,7 @@
 
 use super::analysis::{Analysis, FactorReport, NonPositivePivot};
 use super::factorization::{Cholesky, Ldlt};
-use super::ordering::{FactorSize, OrderingEstimate};
+use super::ordering::FactorSize;
 use super::outcome::{Definiteness, Evidence, Solution, SolveFailure};
 use super::vector::{backward_error, norm, scaling};
 use super::{LinearSolver, PreparedMatrix};
@@ -86,8 +86,10 @@ impl CholeskyPlan {
     /// # Errors
     /// When the factor does not fit 32-bit indices, or its analysis the memory.
     pub fn new(system: &System, par: Par, work: &mut Work) -> Result<Self> {
-        let (pattern, estimate) = Self::estimate(system, work)?;
-        Self::analyse(pattern, estimate, par)
+        work.symbolic_factorizations += 1;
+        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
+        let factorization = Cholesky::plan(pattern.pattern(), Analysis::estimate(pattern.pattern())?, par)?;
+        Ok(Self { pattern, factorization })
     }
 
     /// As [`new`](Self::new), if `is_worth` accepts the size and the bytes of the factor. A cheap lower bound is asked
@@ -98,24 +100,11 @@ impl CholeskyPlan {
         work: &mut Work,
         is_worth: impl Fn(FactorSize, u64) -> bool,
     ) -> Option<Self> {
-        let (pattern, estimate) = Self::estimate(system, work).ok()?;
-        let least = estimate.least();
-        if !is_worth(least, 8 * least.entries as u64) {
-            return None;
-        }
-        Self::analyse(pattern, estimate, par).ok().filter(|plan| is_worth(plan.size(), plan.bytes()))
-    }
-
-    fn estimate(system: &System, work: &mut Work) -> Result<(Arc<SpringPattern>, OrderingEstimate)> {
         work.symbolic_factorizations += 1;
-        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
-        let estimate = Analysis::estimate(pattern.pattern())?;
-        Ok((pattern, estimate))
-    }
-
-    fn analyse(pattern: Arc<SpringPattern>, estimate: OrderingEstimate, par: Par) -> Result<Self> {
-        let factorization = Cholesky::plan(pattern.pattern(), estimate, par)?;
-        Ok(Self { pattern, factorization })
+        let pattern = Arc::new(SpringPattern::of_stiffness(system).ok()?);
+        let with_matrix = |size, bytes| is_worth(size, bytes + 8 * pattern.pattern().entries() as u64);
+        let factorization = Cholesky::plan_if(pattern.pattern(), par, with_matrix)?;
+        Some(Self { pattern, factorization })
     }
 
     /// Entries and operations of the factor.

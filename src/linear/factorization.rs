@@ -145,14 +145,26 @@ impl<K: FactorKind> Factorization<K> {
         Ok(Self::with_analysis(Analysis::new(pattern, estimate, par)?))
     }
 
+    /// As [`plan`](Self::plan), if `is_worth` accepts the size and the bytes of the factor. A cheap lower bound is asked for first.
+    pub(crate) fn plan_if(
+        pattern: &BlockPattern,
+        par: Par,
+        is_worth: impl Fn(FactorSize, u64) -> bool,
+    ) -> Option<Self> {
+        let estimate = Analysis::estimate(pattern).ok()?;
+        let least = estimate.least();
+        let plan = is_worth(least, 8 * least.entries as u64).then(|| Self::plan(pattern, estimate, par));
+        plan?.ok().filter(|plan| is_worth(plan.size(), plan.bytes()))
+    }
+
     /// Allocates the factor.
-    pub(super) fn allocate(mut self) -> Result<Self> {
+    pub(crate) fn allocate(mut self) -> Result<Self> {
         self.analysis.allocate()?;
         Ok(self)
     }
 
     /// Bytes of the factor and the work space.
-    pub(super) fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.analysis.bytes()
     }
 

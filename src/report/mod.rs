@@ -6,6 +6,7 @@ mod axis;
 mod bound_usage;
 mod chart_html;
 mod check_html;
+mod definiteness_html;
 pub mod drawing;
 mod formats;
 mod html;
@@ -20,6 +21,7 @@ pub mod tiles;
 pub mod view;
 
 pub use chart_html::chart_html;
+pub use definiteness_html::{definiteness_html, definiteness_text};
 pub use formats::{failure, json, junit, text};
 pub use html::html;
 

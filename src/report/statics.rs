@@ -34,6 +34,7 @@ pub struct EquilibriumRecord<'a> {
     energy: f64,
     iterations: usize,
     inertia: SignsRecord,
+    counted: bool,
     lowest_eigenvalue: Option<f64>,
     falling: &'a [usize],
     critical_loads: Vec<f64>,
@@ -56,6 +57,7 @@ impl<'a> EquilibriumRecord<'a> {
             energy: found.energy,
             iterations: found.iterations,
             inertia: found.inertia.into(),
+            counted: found.counted,
             lowest_eigenvalue: found.lowest.as_ref().map(|(value, _)| *value),
             falling: &found.falling,
             critical_loads: critical.iter().map(|(factor, _)| *factor).collect(),
@@ -77,15 +79,19 @@ impl<'a> EquilibriumRecord<'a> {
 /// The kind of an equilibrium in words.
 pub fn verdict(found: &Equilibrium) -> String {
     let Signs { negative, zero, .. } = found.inertia;
-    match found.stability {
+    let uncounted = if found.counted { "" } else { ", by the lowest eigenvalues found; they were not counted" };
+    let kind = match found.stability {
         Stability::Stable => "stable: the energy has a minimum here".to_string(),
         Stability::Indifferent if zero == 1 => "indifferent: 1 motion costs no energy".to_string(),
         Stability::Indifferent => format!("indifferent: {zero} motions cost no energy"),
         Stability::Unstable if negative == 1 => "unstable: a saddle of the energy with 1 direction down".to_string(),
         Stability::Unstable => format!("unstable: a saddle of the energy with {negative} directions down"),
-        Stability::None => format!("none: nothing holds particles {} against their load", ranges(&found.falling)),
-        Stability::NotConverged => "not-converged: forces are left".to_string(),
-    }
+        Stability::None => {
+            return format!("none: nothing holds particles {} against their load", ranges(&found.falling));
+        }
+        Stability::NotConverged => return "not-converged: forces are left".to_string(),
+    };
+    kind + uncounted
 }
 
 /// An equilibrium in words.
@@ -101,7 +107,11 @@ pub fn equilibrium_text(scene: &str, found: &Equilibrium, critical: &[(f64, &'st
         text,
         "  work                  {}, {}",
         count(found.iterations, "Newton step"),
-        count(found.work.factorizations as usize, "factorization")
+        if found.counted {
+            count(found.work.factorizations as usize, "factorization")
+        } else {
+            count(found.work.cg_iterations as usize, "iteration") + " of conjugate gradients"
+        }
     );
     for (factor, kind) in critical {
         let _ = writeln!(text, "  critical load         {factor:.9} of the full load: {kind}");

@@ -55,10 +55,10 @@ pub(super) fn options(case: &TestCase) -> Measured {
     ])
 }
 
-/// Under `tension` and `axial`, `λ_min(A) ≥ m_min/dt²`: A − (1 − ε) m_min/dt² is definite at every step.
+/// Under `tension`, `axial` and `absolute`, `λ_min(A) ≥ m_min/dt²`: A − (1 − ε) m_min/dt² is definite at every step.
 pub(super) fn always(case: &TestCase) -> Measured {
     let mut checks = Vec::new();
-    for option in [Stiffness::Tension, Stiffness::Axial] {
+    for option in [Stiffness::Tension, Stiffness::Axial, Stiffness::Absolute] {
         for twin in [case.clone(), case.stretched()?, case.squeezed()?] {
             let mut factored = Factored::new(&twin)?;
             let (mut refused, mut tried) = (0, 0);

@@ -38,11 +38,11 @@ pub(super) fn jacobian(case: &TestCase) -> Measured {
     Ok(checks)
 }
 
-/// The terms that `tension` and `axial` drop from K.
+/// The terms that `tension` and `axial` drop from K, and that `absolute` takes twice.
 pub(super) fn dropped_terms(case: &TestCase) -> Measured {
     let TestCase { name, system, state, dt } = case;
     let mut checks = Vec::new();
-    for option in [Stiffness::Tension, Stiffness::Axial] {
+    for option in [Stiffness::Tension, Stiffness::Axial, Stiffness::Absolute] {
         let k = StepMatrices::assemble(system, state, option, *dt)?.k;
         checks.extend(super::dropped_terms(system, state, elastic_force(system, state), option, &k, name));
     }

@@ -28,12 +28,12 @@ impl Link {
     /// `k (1/l0 − 1/l)`, zero where the option drops it.
     pub fn transverse(&self, option: Stiffness) -> f64 {
         let exact = self.stiffness * (self.length - self.rest_length) / (self.rest_length * self.length);
-        let kept = match option {
-            Stiffness::Full => true,
-            Stiffness::Tension => self.length >= self.rest_length,
-            Stiffness::Axial => false,
-        };
-        if kept { exact } else { 0.0 }
+        match option {
+            Stiffness::Full => exact,
+            Stiffness::Tension => exact.max(0.0),
+            Stiffness::Axial => 0.0,
+            Stiffness::Absolute => exact.abs(),
+        }
     }
 
     /// `K^s = k (1/l0 − 1/l)(I − nnᵀ) + (k/l0) nnᵀ`.

@@ -291,20 +291,18 @@ pub fn v_curve(
     checks
 }
 
-/// The term that an option drops from `K^s`: `P K^s P` with `P = I − nnᵀ` and K^s by dual numbers, or nothing.
+/// The term that an option drops from `K^s`: `P K^s P` with `P = I − nnᵀ` and K^s by dual numbers, twice that where its sign is changed, or nothing.
 fn dropped_block(option: Stiffness, spring: &Spring, d: &Vector3<f64>) -> Matrix3<f64> {
     let l = d.norm();
-    let drops = match option {
-        Stiffness::Full => false,
-        Stiffness::Tension => l < spring.rest_length,
-        Stiffness::Axial => true,
+    let part = match option {
+        Stiffness::Axial => 1.0,
+        Stiffness::Tension if l < spring.rest_length => 1.0,
+        Stiffness::Absolute if l < spring.rest_length => 2.0,
+        Stiffness::Full | Stiffness::Tension | Stiffness::Absolute => return Matrix3::zeros(),
     };
-    if !drops {
-        return Matrix3::zeros();
-    }
     let n = d / l;
     let across = Matrix3::identity() - n * n.transpose();
-    across * dual_stiffness_block(spring, d) * across
+    across * dual_stiffness_block(spring, d) * across * part
 }
 
 /// K with the terms that an option drops added back; these alone where there is no K.
@@ -342,7 +340,7 @@ impl LinearOperator for WithDroppedTerms<'_> {
     }
 }
 
-/// Shows that K under an option is the exact K less the transverse terms of exactly the right springs.
+/// Shows that K under an option is the exact K less the transverse terms of exactly the right springs, under `absolute` less twice these.
 ///
 /// `stiffness` is K under test, for `option`. Checks: every entry against dual-number blocks without those terms
 /// (rounding); the floor of the V-curve once those terms are added back; and, where anything is dropped, the plateau of
@@ -401,11 +399,11 @@ mod tests {
     use super::*;
     use crate::verify::fixtures;
 
-    /// A spring of k = 100 N along x, pushed from 4 m to 1 m: `axial` and `tension` drop −75 N/m across it.
+    /// A spring of k = 100 N along x, pushed from 4 m to 1 m: `axial` and `tension` drop −75 N/m across it, `absolute` −150 N/m.
     #[test]
     fn dropped_terms_are_added_back() {
         let pushed = fixtures::pair(4.0, 0.1);
-        for (option, across) in [(Stiffness::Full, 0.0), (Stiffness::Tension, 75.0), (Stiffness::Axial, 75.0)] {
+        for (option, across) in Stiffness::ALL.into_iter().zip([0.0, 75.0, 75.0, 150.0]) {
             let dropped = WithDroppedTerms::new(&pushed.system, &pushed.state, option, None);
             let mut y = [7.0; 3];
             dropped.apply(&[1.0, 2.0, 3.0], &mut y);

@@ -50,7 +50,7 @@ pub fn option(name: &str) -> Stiffness {
 }
 
 pub fn policies() -> [StiffnessPolicy; 4] {
-    let [full, tension, axial] = Stiffness::ALL.map(StiffnessPolicy::Always);
+    let [full, tension, axial] = [Stiffness::Full, Stiffness::Tension, Stiffness::Axial].map(StiffnessPolicy::Always);
     [full, tension, axial, StiffnessPolicy::OnDemand]
 }
 

@@ -80,7 +80,7 @@ fn verdicts(problem: &Problem<Answer>, subject: &TestCase, name: &str, side: &Si
         let a = StepMatrices::assemble(&subject.system, &subject.state, option, side.dt)?.a;
         let accepted = Cholesky::analyse(a.pattern(), Par::Seq)?.factor(&a).is_ok();
         if option != Stiffness::Full {
-            let why = "tension and axial leave no negative term";
+            let why = "tension, axial and absolute leave no negative term";
             checks.push(check(problem, &format!("Cholesky, {}, {name}", option.name()), silent(accepted), why));
             continue;
         }

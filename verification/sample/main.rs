@@ -1,5 +1,7 @@
 //! The studies on a sample of their scenes, small enough for every test run.
 
+#[path = "definiteness.rs"]
+mod definiteness_sample;
 #[path = "exactness.rs"]
 mod exactness_sample;
 #[path = "statics.rs"]
@@ -7,6 +9,9 @@ mod statics_sample;
 #[path = "study.rs"]
 mod study_sample;
 
+#[allow(dead_code, reason = "the sample uses a part of it")]
+#[path = "../definiteness/mod.rs"]
+mod definiteness;
 #[allow(dead_code, reason = "the sample uses a part of it")]
 #[path = "../exactness/pair.rs"]
 mod pair;

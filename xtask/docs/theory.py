@@ -125,6 +125,17 @@ def definiteness():
         (CHAPTERS / "definiteness.svg").write_text((Path(folder) / "lambda-min.svg").read_text())
 
 
+def indefinite():
+    """The transverse coefficient that each option puts in the matrix, over the stretch; closed forms."""
+    stretches = [0.4 + 0.02 * step for step in range(81)]
+    exact = [(stretch, 1 - 1 / stretch) for stretch in stretches]
+    options = {"full": lambda a: a, "tension": lambda a: max(a, 0.0), "absolute": abs, "axial": lambda a: 0.0}
+    lines = [{}, {"line": "dashed"}, {"line": "dashed"}, GREY]
+    series = [(name, [(stretch, of(a)) for stretch, a in exact], line) for (name, of), line in zip(options.items(), lines)]
+    plot(CHAPTERS / "indefinite.svg", "Stiffness across a spring in the matrix of each option", "stretch l/l₀",
+         "in units of k/l₀", series, xlimits=(0.4, 2), ylimits=(-1.6, 1.6))
+
+
 def solvers():
     """Iterations of conjugate gradients on lattices of growing size."""
     series = {"none": [], "block-jacobi": [], "multigrid": []}
@@ -280,7 +291,7 @@ def numbers():
     raise SystemExit(f"{wrong} lines are not printed" if wrong else 0)
 
 
-PICTURES = [spring, matrices, step, definiteness, solvers, newton, methods, energy_balance, accuracy, checks, stability]
+PICTURES = [spring, matrices, step, definiteness, indefinite, solvers, newton, methods, energy_balance, accuracy, checks, stability]
 
 if __name__ == "__main__":
     match sys.argv[1:]:

@@ -7,9 +7,10 @@ use std::path::Path;
 use std::process::Command;
 
 /// Pages of the repository that the guide shows too: the page of the guide, and its source.
-const PAGES: [(&str, &str); 11] = [
+const PAGES: [(&str, &str); 12] = [
     ("reference/verification.md", "verification/README.md"),
     ("reference/study.md", "verification/study.md"),
+    ("reference/definiteness.md", "verification/definiteness.md"),
     ("reference/derivative-checks.md", "verification/derivative-checks.md"),
     ("reference/accuracy.md", "verification/accuracy.md"),
     ("reference/motion.md", "verification/motion.md"),

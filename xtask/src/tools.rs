@@ -18,6 +18,8 @@ pub enum Tool {
     Ready(Words),
     /// Hold equilibria, mechanisms and modes to second methods and closed forms: verification/statics.md; minutes
     Statics(Words),
+    /// Compare answers to indefinite matrices on random scenes: verification/definiteness.md; a minute
+    Definiteness(Words),
     /// Compare methods on a swinging cloth: the table of verification/motion.md; minutes
     Motion(Words),
     /// Draw work–precision diagrams and stability maps: verification/charts; minutes
@@ -65,6 +67,7 @@ impl Tool {
             Self::Accuracy(_) => tool("accuracy"),
             Self::Ready(_) => tool("ready"),
             Self::Statics(_) => tool("statics"),
+            Self::Definiteness(_) => tool("definiteness"),
             Self::Motion(_) => tool("motion"),
             Self::Charts(_) => tool("charts"),
             Self::Auto(_) => tool("auto"),
@@ -83,6 +86,7 @@ impl Tool {
         | Self::Accuracy(given)
         | Self::Ready(given)
         | Self::Statics(given)
+        | Self::Definiteness(given)
         | Self::Motion(given)
         | Self::Charts(given)
         | Self::Peers(given)

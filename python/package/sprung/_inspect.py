@@ -86,7 +86,7 @@ class Inspection:
 
     @property
     def options(self) -> dict[str, dict[str, Any]]:
-        """The same results under ``"full"``, ``"tension"`` and ``"axial"``."""
+        """The same results under ``"full"``, ``"tension"``, ``"axial"`` and ``"absolute"``."""
         return self.data["options"]
 
     @property
@@ -129,8 +129,8 @@ def inspect(
         By default the initial one.
     dt : float, optional
         The step, in s; by default that of the scene file, or 0.01.
-    stiffness : {"full", "tension", "axial"}
-        The option of the eigenvectors; other results are given for all three.
+    stiffness : {"full", "tension", "axial", "absolute"}
+        The option of the eigenvectors; other results are given for all.
 
     Examples
     --------

@@ -33,6 +33,8 @@ class Equilibrium:
         Steps of Newton's method.
     inertia : Inertia
         Signs of the eigenvalues of -K.
+    counted : bool
+        Whether these were counted, by a factorization; in scenes too large for one, the lowest that were found stand for all.
     falling : list of int
         Particles that nothing holds against their load.
     """
@@ -40,7 +42,7 @@ class Equilibrium:
     def __init__(self, system: System, native: Any) -> None:
         self.system = system
         self._native = native
-        self.status, self.residual, self.energy, self.iterations, signs, self.falling = native.figures()
+        self.status, self.residual, self.energy, self.iterations, signs, self.counted, self.falling = native.figures()
         self.inertia = Inertia(*signs)
         self.positions: Floats = native.positions()
 
@@ -72,6 +74,7 @@ def equilibrium(
     leave_saddles: bool = True,
     tolerance: float = 1e-10,
     iterations: int = 2000,
+    stiffness: str = "on-demand",
 ) -> Equilibrium:
     """The static equilibrium downhill from a state: a minimum of the energy.
 
@@ -88,6 +91,8 @@ def equilibrium(
         The largest force left over the largest force acting, at most.
     iterations : int
         Steps of Newton's method at most.
+    stiffness : {"on-demand", "progressive", "full", "tension", "axial", "absolute"}
+        The matrix of steps that start far from an equilibrium.
 
     Examples
     --------
@@ -101,7 +106,7 @@ def equilibrium(
     if isinstance(iterations, bool) or not isinstance(iterations, (int, np.integer)) or iterations < 1:
         raise ValueError(f"iterations = {iterations!r}: must be a positive integer")
     given = system._given(state)
-    found = _native.equilibrium(system._native, given, load, bool(leave_saddles), tolerance, int(iterations))
+    found = _native.equilibrium(system._native, given, load, bool(leave_saddles), tolerance, int(iterations), stiffness)
     return Equilibrium(system, found)
 
 

@@ -28,8 +28,8 @@ class Stepper:
         ``"implicit-midpoint"``, ``"verlet"``, ``"dop853"``, ``"forward-euler"``, ``"symplectic-euler"``, or ``"auto"``.
         The defaults are those of the command: ``"linear-backward-euler"`` for fixed steps, ``"dop853"`` or ``"rodas4"`` by the
         stiffness of the scene for adaptive ones, and an automatic choice for a required accuracy.
-    stiffness : {"on-demand", "full", "tension", "axial"}, optional
-        The terms of the stiffness that enter the matrix; forces do not depend on it.
+    stiffness : {"on-demand", "progressive", "full", "tension", "axial", "absolute"}, optional
+        The stiffness that enters the matrix; forces do not depend on it.
     solver : {"auto", "llt", "ldlt", "cg", "cg-assembled"}, optional
     preconditioner : {"auto", "none", "jacobi", "block-jacobi", "multigrid"}, optional
     tolerance : float, optional

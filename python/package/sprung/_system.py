@@ -401,9 +401,9 @@ class System:
             By default the initial one.
         dt : float
             The step, in s; by default that of the scene file, or 0.01.
-        stiffness : {"full", "tension", "axial"}
-            The stiffness in K and A: exact, without the transverse terms of compressed springs, or without any transverse
-            terms.
+        stiffness : {"full", "tension", "axial", "absolute"}
+            The stiffness in K and A: exact, without the transverse terms of compressed springs, without any transverse
+            terms, or with those of compressed springs by their absolute value.
 
         Returns
         -------

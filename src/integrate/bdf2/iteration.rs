@@ -87,6 +87,7 @@ fn prepare(
     let linear = &mut newton.linear;
     let step = Combination::step(tau);
     if linear.policy != StiffnessPolicy::OnDemand {
+        linear.begin(&newton.force, true);
         return linear.prepare(linear.policy, step);
     }
     let system = linear.system;

@@ -7,7 +7,7 @@
 //! **Options that do not fit.** Without the transverse stiffness of stretched springs (`axial`), which may be thousands of times `M/dt²`,
 //! directions are too long by this factor; without that of compressed ones (`tension`) they are too short, and the convergence is
 //! linear. Where a step is cut below a quarter, or r does not fall to a quarter, the rest of the time step is solved `on-demand`: with
-//! the full stiffness wherever it is definite. All lead to the same solution.
+//! the full stiffness wherever it is definite; the progressive policy stays. All lead to the same solution.
 //!
 //! **Saddles.** Where Φ has slightly negative curvature, as for a column just beyond its buckling load, a regularized matrix is far too
 //! stiff along the buckling mode. After a few slow iterations with regularized matrices the rest of the time step keeps the full
@@ -100,10 +100,10 @@ impl MatrixChoice {
         match self.matrix {
             NewtonMatrix::Policy(policy) if is_slow && policy != StiffnessPolicy::Always(Stiffness::Full) => {
                 self.slow_iterations += u32::from(is_regularized);
-                self.matrix = if self.slow_iterations < PATIENCE {
-                    NewtonMatrix::Policy(StiffnessPolicy::OnDemand)
-                } else {
-                    NewtonMatrix::Shifted(LEAST_SHIFT)
+                self.matrix = match policy {
+                    _ if self.slow_iterations >= PATIENCE => NewtonMatrix::Shifted(LEAST_SHIFT),
+                    StiffnessPolicy::Progressive => NewtonMatrix::Policy(policy),
+                    _ => NewtonMatrix::Policy(StiffnessPolicy::OnDemand),
                 };
             }
             _ => {}
@@ -235,6 +235,18 @@ mod tests {
                 assert_eq!(choice.matrix, expected, "{step} {ratio}");
             }
         }
+    }
+
+    /// The progressive policy has a matrix for every iteration until it is too slow.
+    #[test]
+    fn slow_progressive_iterations_stay_progressive() {
+        let mut choice = MatrixChoice::new(StiffnessPolicy::Progressive);
+        for _ in 1..PATIENCE {
+            choice.record(0.1, 0.9, true);
+            assert_eq!(choice.matrix, NewtonMatrix::Policy(StiffnessPolicy::Progressive));
+        }
+        choice.record(0.1, 0.9, true);
+        assert_eq!(choice.matrix, NewtonMatrix::Shifted(LEAST_SHIFT));
     }
 
     #[test]

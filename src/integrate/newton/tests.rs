@@ -319,20 +319,25 @@ fn masses_are_raised_where_nothing_else_is_left() {
     assert!((newton.direction[1] - Vector3::new(0.0, 2.0 / (1.0 + shift - 1.5), 0.0)).norm() < 1e-12);
 }
 
-/// Steps are shortened where the spring would collapse, and where φ would rise.
+/// Steps are shortened where the spring would collapse, and where φ would rise above the highest that counts.
 #[test]
 fn line_searches_shorten_steps() {
     let (system, state) = on_the_axis(1.0, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
     let mut newton = newton(&system, &state, Stiffness::Full);
     let high = Point { residual: 1.0, potential: 1e9, noise: 0.0, slope: -1.0, damping_slope: 0.0 };
     newton.direction[1].x = -1.0;
-    let (step, _) = newton.line_search(&state, 1.0, high).unwrap();
+    let (step, _) = newton.line_search(&state, 1.0, high, high.potential).unwrap();
     assert_eq!((step, newton.displacement[1].x), (0.5, -0.5));
     // Φ = u² here, for a displacement u along the axis: from u = −1/2 a step of 3 ends at 2.5, its slope's zero is at 1/6.
     newton.direction[1].x = 3.0;
     let from = newton.evaluate(&state, 1.0, 0.0).unwrap();
-    let (step, point) = newton.line_search(&state, 1.0, from).unwrap();
+    let (step, point) = newton.line_search(&state, 1.0, from, from.potential).unwrap();
     assert!(close(step, 1.0 / 6.0) && newton.displacement[1].x.abs() < 1e-15 && point.potential < 1e-30, "{step}");
+    // Below what an earlier iteration had, φ may rise: to 6.25.
+    newton.displacement[1].x = -0.5;
+    let from = newton.evaluate(&state, 1.0, 0.0).unwrap();
+    let (step, point) = newton.line_search(&state, 1.0, from, 7.0).unwrap();
+    assert_eq!((step, point.potential), (1.0, 6.25));
 }
 
 /// A correction can be undone; the next one is estimated by the residual and the diagonal blocks of the matrix.

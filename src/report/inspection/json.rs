@@ -40,6 +40,7 @@ struct OptionRecords {
     full: OptionRecord,
     tension: OptionRecord,
     axial: OptionRecord,
+    absolute: OptionRecord,
 }
 
 #[derive(Debug, Clone, Serialize)]
@@ -81,7 +82,7 @@ impl OptionRecord {
 impl<'a> InspectionRecord<'a> {
     /// The record of a scene's state after `step` steps, at a time in s.
     pub fn new(scene: &'a str, step: u64, time: f64, inspection: &'a Inspection) -> Self {
-        let [full, tension, axial] = inspection.options.each_ref().map(OptionRecord::of);
+        let [full, tension, axial, absolute] = inspection.options.each_ref().map(OptionRecord::of);
         let examined = inspection.examined();
         let inertia = &examined.inertia;
         let directions = inspection.directions.iter().map(|direction| {
@@ -140,7 +141,7 @@ impl<'a> InspectionRecord<'a> {
             directions: directions.collect(),
             clusters: clusters.collect(),
             smallest_set,
-            options: OptionRecords { full, tension, axial },
+            options: OptionRecords { full, tension, axial, absolute },
             turning: inspection.turn.as_ref().map(turn),
             left_out: left_out.collect(),
             estimated: inspection.estimated.iter().copied().map(part).collect(),

@@ -59,7 +59,7 @@ fn part(part: Part) -> String {
         Part::Signs(option) => under("the signs of eigenvalues", option),
         Part::GrowingModes => "the growing modes".into(),
         Part::Turning(Stiffness::Axial) => under("the limit of turning", Stiffness::Axial),
-        Part::Turning(_) => "the limit of turning under full and tension".into(),
+        Part::Turning(_) => "the limit of turning under full, tension and absolute".into(),
         Part::Spectrum(option) => under("the ends of the spectrum", option),
         Part::Definite(option) => under("the limit of definiteness", option),
         Part::Stable(option) => under("the limit of stability", option),
