@@ -169,7 +169,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         .iter()
         .flat_map(|(kind, sizes)| sizes.iter().map(move |size| (*kind, *size)))
         .filter(|(kind, size)| {
-            (arguments.smallest..=arguments.largest).contains(size) && arguments.kind.as_ref().is_none_or(|name| name == kind.name())
+            (arguments.smallest..=arguments.largest).contains(size)
+                && arguments.kind.as_ref().is_none_or(|name| name == kind.name())
         })
         .flat_map(|(kind, size)| arguments.durations.iter().map(move |times| (kind, size, *times)))
         .collect();
