@@ -10,7 +10,11 @@ impl WorkPrecision {
     /// The conclusion of one of the chart's pictures; empty where the runs allow none.
     pub(super) fn conclusion(&self, figure: &Figure) -> Option<String> {
         let series = &figure.plot.series;
-        match figure.name {
+        let none_holds = || {
+            let are_excluded = self.decisions().is_empty() && !self.excluded.is_empty();
+            are_excluded.then(|| "Of this motion alone: no run holds to the end of the whole scene.".into())
+        };
+        let conclusion = match figure.name {
             "time" => self.cheapest(series, "time", |run| Some(run.wall_seconds)),
             "work" => self.cheapest(series, "work", |run| Some(run.cost)),
             "solves" => {
@@ -22,7 +26,8 @@ impl WorkPrecision {
             "energy" | "angular-momentum" => spread(series),
             "tolerance-error" => flat(series),
             _ => None,
-        }
+        };
+        conclusion.or_else(none_holds)
     }
 
     /// An accuracy that is worth speaking of: 1 %, or what is nearest to it among those that were reached.

@@ -264,7 +264,11 @@ fn six_curves_are_drawn_and_all_are_kept() {
     let options = figures.iter().find(|figure| figure.name == "options-euler").unwrap();
     let expected = ["full, llt", "tension, llt", "axial, llt", "on-demand, llt", "full, cg", "tension, cg"];
     assert_eq!(names(&options.plot, false), expected);
-    assert!(figures.iter().find(|figure| figure.name == "work").unwrap().full.is_none());
+    let work = |figures: &[Figure]| figures.iter().find(|figure| figure.name == "work").cloned().unwrap();
+    assert!(work(&figures).full.is_none() && work(&figures).plot.conclusion.starts_with("Least work"));
+    // Where the runs of a part of the scene do not hold to its end, they are no advice.
+    chart.excluded = (0..chart.runs.len()).collect();
+    assert!(work(&chart.figures()).plot.conclusion.starts_with("Of this motion alone"));
 }
 
 /// Guides pass through the geometric mean of the points of a picture, that of the axes in the middle of them.
