@@ -199,7 +199,7 @@ mod tests {
             checks.unwrap().iter().filter(|check| check.name.contains(name)).map(|check| check.is_judged).collect()
         };
         let (long, short) = (pair(1.0, 1e12), pair(1.0, 0.01));
-        assert_eq!(judged(always(&long), "every step"), [false; 6]);
+        assert_eq!(judged(always(&long), "every step"), [false; 9]);
         assert!(!judged(inertia(&long), "all eigenvalues")[0]);
         assert_eq!(judged(on_demand(&long), "is full where"), [false]);
         for checks in [always(&short), inertia(&short), on_demand(&short), options(&short)] {

@@ -59,7 +59,11 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
     }
     lines.extend(other_methods(inspection, plain).map(|others| format!("  methods      {others}")));
     lines.extend(turned(inspection));
-    lines.push(format!("  compressed   {}", count(inspection.compressed_springs, "spring")));
+    let changed = match inspection.compressed_springs {
+        0 => "",
+        _ => ", whose transverse terms tension drops and absolute takes with the other sign",
+    };
+    lines.push(format!("  compressed   {}{changed}", count(inspection.compressed_springs, "spring")));
     if inspection.growing_modes > 0 {
         let modes = count(inspection.growing_modes, "mode");
         lines.push(format!("  growing      {modes} of the motion itself, whatever the step: the state is not stable"));

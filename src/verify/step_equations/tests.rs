@@ -152,7 +152,7 @@ fn positions_that_are_exact_have_no_error() {
 #[test]
 fn every_solver_has_its_own_bound() {
     let checks = linear(&chain(40, 0.2)).unwrap();
-    assert_eq!(checks.len(), 12);
+    assert_eq!(checks.len(), 16);
     for check in &checks {
         let iterates = check.name.contains("conjugate gradients");
         assert_eq!(check.bound, if iterates { 1.0 } else { UNITS }, "{}", check.name);
@@ -166,9 +166,10 @@ fn every_method_is_put_into_its_own_equations() {
     let checks = others(&chain(5, 0.2)).unwrap();
     let residuals: Vec<&str> = checks.iter().filter_map(|c| c.name.strip_prefix("residual of a step, ")).collect();
     let own = ["backward-euler", "implicit-midpoint", "verlet", "forward-euler", "symplectic-euler"];
-    assert_eq!(residuals, [&own[..], &["bdf2, full", "bdf2, tension", "bdf2, axial"]].concat());
+    assert_eq!(residuals, [&own[..], &["bdf2, full", "bdf2, tension", "bdf2, axial", "bdf2, absolute"]].concat());
     let moved: Vec<&str> = checks.iter().filter_map(|c| c.name.strip_prefix("x' = x + dt v, ")).collect();
-    let linear = ["full", "tension", "axial", "on-demand"].map(|option| format!("linear-backward-euler, {option}"));
+    let linear =
+        ["full", "tension", "axial", "absolute", "on-demand"].map(|option| format!("linear-backward-euler, {option}"));
     let linear: Vec<&str> = linear.iter().map(String::as_str).collect();
     assert_eq!(
         moved,
