@@ -9,6 +9,7 @@
 mod collect;
 mod failures;
 mod known;
+mod manufactured;
 mod scenes;
 
 use collect::Collector;
