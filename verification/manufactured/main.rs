@@ -8,6 +8,7 @@
 mod manufactured;
 
 use manufactured::{Approach, Variant, scenes};
+use sprung::integrate::Method;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -25,9 +26,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
          size of the motion. Stiffness options that depend on the sign of a spring's strain have no expansion in powers of the step: of them\n\
          orders are measured only.\n",
     );
+    let (mut sections, mut all) = (String::new(), Vec::new());
     for scene in scenes::all() {
-        write!(page, "\n## {}\n\n{}.\n\n", scene.name, scene.holds)?;
-        page.push_str(
+        write!(sections, "\n## {}\n\n{}.\n\n", scene.name, scene.holds)?;
+        sections.push_str(
             "| method | order | observed, positions | velocities | at zero | steps | error, of the motion | limit, positions | velocities |\n\
              |---|---|---|---|---|---|---|---|---|\n",
         );
@@ -38,22 +40,34 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let (step, errors) = found.errors[found.errors.len() - 1];
             let [at_zero, places, velocities] = match variant.is_smooth() {
                 true => [
-                    format!("{:.6}", found.order),
+                    // None where the error changes its sign on the way.
+                    if found.order.is_nan() { "–".into() } else { format!("{:.6}", found.order) },
                     format!("{:.1e}", found.limit[0]),
                     format!("{:.1e}", found.limit[1]),
                 ],
                 false => ["–"; 3].map(String::from),
             };
-            let row = format!(
-                "| {} | {} | {x:.3} | {v:.3} | {at_zero} | {:.0} | {:.1e} | {places} | {velocities} |\n",
+            writeln!(
+                sections,
+                "| {} | {} | {x:.3} | {v:.3} | {at_zero} | {:.0} | {:.1e} | {places} | {velocities} |",
                 variant.name(),
                 variant.method.order(),
                 scene.duration / step,
                 errors[0] / found.size[0],
-            );
-            page.push_str(&row);
+            )?;
+            all.push((variant, found));
         }
     }
+    page.push_str("\n| method | order | observed on all scenes | worst limit |\n|---|---|---|---|\n");
+    for method in Method::ALL {
+        let of = || all.iter().filter(|(variant, _)| variant.method == method);
+        let orders = || of().flat_map(|(_, found)| found.observed());
+        let (least, most) = (orders().fold(f64::INFINITY, f64::min), orders().fold(0.0, f64::max));
+        let limits = of().filter(|(variant, _)| variant.is_smooth()).flat_map(|(_, found)| found.limit);
+        let worst = limits.fold(0.0, f64::max);
+        writeln!(page, "| {} | {} | {least:.3} to {most:.3} | {worst:.1e} |", method.name(), method.order())?;
+    }
+    page.push_str(&sections);
     println!("{page}");
     if std::env::args().any(|argument| argument == "--write") {
         std::fs::write(Path::new(env!("CARGO_MANIFEST_DIR")).join("manufactured.md"), page)?;

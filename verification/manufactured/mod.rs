@@ -63,7 +63,7 @@ impl Variant {
         match self.method.order() {
             0..=2 => 32,
             3..=4 => 16,
-            _ => 6,
+            _ => 2,
         }
     }
 
@@ -119,7 +119,7 @@ impl Approach {
             let steps = variant.coarsest() << halving;
             let end = variant.end(scene, steps)?;
             let error = [largest(&end.positions, &exact.positions), largest(&end.velocities, &exact.velocities)];
-            if error[0] < DROWNED * size[0] && errors.len() > 2 {
+            if error[0] < DROWNED * size[0] && errors.len() > 1 {
                 break;
             }
             errors.push((scene.duration / steps as f64, error));

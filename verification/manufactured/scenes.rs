@@ -239,7 +239,7 @@ pub fn all() -> Vec<Arc<Scene>> {
     pressed.path = press;
     pressed.law = Law::Cubic;
     // Errors grow with the buckling of the block.
-    pressed.duration = 0.25;
+    pressed.duration = 0.5;
     for (spring, &[i, j]) in pressed.springs.iter_mut().zip(&pressed.pairs) {
         spring.rest_length = 1.05 * (pressed.places[i] - pressed.places[j]).norm();
     }

@@ -7,6 +7,7 @@
 #[path = "mod.rs"]
 mod zoo;
 
+use sprung::inspect::Inertia;
 use std::fmt::Write;
 use std::path::Path;
 use zoo::{TESTS, THRESHOLD, Tested, matrices, tests};
@@ -37,12 +38,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             false => writeln!(page, "| {test} | {worst:.3} | {on} | {reported} | {wrong} |")?,
         }
     }
-    write!(page, "\n| matrix | rows | λ_min | λ_max |")?;
+    write!(page, "\n| matrix | rows | λ_min | λ_max | signs of eigenvalues |")?;
     TESTS.iter().try_for_each(|test| write!(page, " {test} |"))?;
-    writeln!(page, "\n|{}", "---|".repeat(4 + TESTS.len()))?;
+    writeln!(page, "\n|{}", "---|".repeat(5 + TESTS.len()))?;
     for (tested, animal) in &results {
         let [low, high] = [animal.eigenvalues[0], animal.eigenvalues[animal.eigenvalues.len() - 1]];
-        write!(page, "| {} | {} | {low:.1e} | {high:.1e} |", animal.name, animal.eigenvalues.len())?;
+        let signs = if Inertia::of(&animal.a)?.proven { "proven" } else { "to rounding" };
+        let rows = animal.eigenvalues.len();
+        write!(page, "| {} | {rows} | {low:.1e} | {high:.1e} | {signs} |", animal.name)?;
         for tested in tested {
             match tested {
                 Tested::Ratio(ratio) => write!(page, " {ratio:.3} |")?,
