@@ -89,6 +89,9 @@ pub struct Modes {
     pub gap: [f64; 2],
     /// Whether the number of eigenvalues below `counted_below` proves that no mode is missing.
     pub complete: bool,
+    /// Whether that number is a theorem about the stored matrices: with a rigorous bound of the rounding errors of the count, all modes
+    /// counted lie below a shift under which there are no more eigenvalues. Otherwise the count holds to rounding.
+    pub proven: bool,
     /// A shift just below the last mode, in 1/s².
     pub counted_below: f64,
     /// The largest force that is not balanced over the largest force that acts; zero at an equilibrium.
@@ -144,6 +147,7 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         hanging: Vec::new(),
         gap: [0.0, f64::INFINITY],
         complete: true,
+        proven: true,
         counted_below: f64::INFINITY,
         imbalance: imbalance(system, state)?,
         work,
@@ -159,7 +163,7 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
     let Some(mut factorization) = factorization else {
         let wanted = (count + rigid_motions).min(order);
         let pairs = uncounted(system, state, &stiffness, masses, &rigid, wanted, &mut work)?;
-        (result.complete, result.counted_below) = (false, f64::NAN);
+        (result.complete, result.proven, result.counted_below) = (false, false, f64::NAN);
         result.sort(pairs, count, &rounding);
         result.name_hanging(system);
         result.work = work;
@@ -200,6 +204,9 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         let found = pairs.iter().filter(|pair| pair.value < result.counted_below).count();
         result.complete = search.below(result.counted_below) == Some(found);
     }
+    let lowest = result.counted_below - search.count_error;
+    let mut counted = pairs.iter().filter(|pair| pair.value < result.counted_below);
+    result.proven = result.complete && counted.all(|pair| pair.value + pair.residual < lowest);
     result.sort(pairs, count, &rounding);
     result.name_hanging(system);
     result.work = work;

@@ -9,6 +9,8 @@
 mod collect;
 mod failures;
 mod known;
+#[allow(dead_code, reason = "the suite uses a part of it")]
+mod manufactured;
 mod scenes;
 
 use collect::Collector;

@@ -13,6 +13,7 @@ mod analysis;
 mod automatic;
 mod block_jacobi;
 mod bunch_kaufman;
+mod certificate;
 mod cg;
 mod cg_solver;
 mod cost;

@@ -46,10 +46,12 @@ pub fn share(form: fn(f64) -> String, value: f64) -> String {
     digits.into_iter().find(|text| text.parse() != Ok(1.0)).unwrap_or_else(|| beside(form, value, 1.0))
 }
 
-/// `30 + 1.2e-9`: a number by its distance from one close to it.
+/// `just below 30`, and beyond the bound `30 + 1.2e-9`: a number by its distance from one close to it.
 fn beside(form: fn(f64) -> String, value: f64, other: f64) -> String {
-    let (sign, distance) = if value < other { ('−', other - value) } else { ('+', value - other) };
-    format!("{} {sign} {}", form(other), form(distance))
+    match value < other {
+        true => format!("just below {}", form(other)),
+        false => format!("{} + {}", form(other), form(value - other)),
+    }
 }
 
 fn all_digits(value: f64) -> String {
@@ -161,14 +163,14 @@ mod tests {
             (1.0, "1"),
             (0.99996, "0.99996"),
             (0.9999999, "0.9999999"),
-            (0.99999999, "1 − 1.00e-8"),
+            (0.99999999, "just below 1"),
             (1.0001, "1.0001"),
             (0.5, "0.500"),
         ];
         for (value, text) in cases {
             assert_eq!(share(plain, value), text);
         }
-        assert_eq!(share(plain, 1.0 - f64::EPSILON), "1 − 2.22e-16");
+        assert_eq!(share(plain, 1.0 - f64::EPSILON), "just below 1");
         assert_eq!(share(pretty, 1.0 + f64::EPSILON), "1 + 2.22\u{a0}×\u{a0}10⁻¹⁶");
     }
 
@@ -192,7 +194,7 @@ mod tests {
     fn different_numbers_look_different() {
         assert_eq!(pair(plain, 1.00001e-8, 1e-8), ["1.00001e-8", "1e-8"]);
         assert_eq!(short_pair(29.9, 30.0), ["29.9", "30"]);
-        assert_eq!(short_pair(0.99999999999999, 1.0), ["1 − 9.99\u{a0}×\u{a0}10⁻¹⁵", "1"]);
+        assert_eq!(short_pair(0.99999999999999, 1.0), ["just below 1", "1"]);
         assert_eq!(short_pair(2.0, 1.0), ["2", "1"]);
         assert_eq!(pair(plain, 2e-8, 1e-8), ["2.00e-8", "1.00e-8"]);
     }

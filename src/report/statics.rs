@@ -153,6 +153,7 @@ pub struct ModesRecord<'a> {
     gap: [f64; 2],
     imbalance: f64,
     complete: bool,
+    proven: bool,
     counted_below: f64,
 }
 
@@ -175,6 +176,7 @@ impl<'a> ModesRecord<'a> {
             gap: found.gap,
             imbalance: found.imbalance,
             complete: found.complete,
+            proven: found.proven,
             counted_below: found.counted_below,
         }
     }
@@ -257,8 +259,9 @@ pub fn modes_text(scene: &str, at: &str, dimension: usize, found: &Modes) -> Str
     let _ = match found.complete {
         true => writeln!(
             text,
-            "\n  complete: a factorization counts the eigenvalues below {:.6e} 1/s², and none is missing",
-            found.counted_below
+            "\n  complete: a factorization counts the eigenvalues below {:.6e} 1/s², and none is missing ({})",
+            found.counted_below,
+            if found.proven { "proven" } else { "to rounding" }
         ),
         false => writeln!(text, "\n  not counted: modes may be missing"),
     };

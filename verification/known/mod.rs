@@ -9,6 +9,7 @@ mod damped_spring;
 mod hanging_chain;
 mod invariants;
 mod linearised;
+mod manufactured;
 mod one_step;
 mod orders;
 mod spring_blocks;
@@ -66,6 +67,7 @@ pub fn trials(collector: &mut Collector) -> Vec<Trial> {
         w_method::trials,
         critical_steps::trials,
         linearised::trials,
+        manufactured::trials,
     ] {
         trials.extend(group(collector));
     }

@@ -6,8 +6,11 @@ mod definiteness_sample;
 mod exactness_sample;
 #[path = "statics.rs"]
 mod statics_sample;
+mod stochastic;
 #[path = "study.rs"]
 mod study_sample;
+#[path = "zoo.rs"]
+mod zoo_sample;
 
 #[allow(dead_code, reason = "the sample uses a part of it")]
 #[path = "../definiteness/mod.rs"]
@@ -21,3 +24,5 @@ mod statics;
 #[allow(dead_code, reason = "the sample uses a part of it")]
 #[path = "../study/mod.rs"]
 mod study;
+#[path = "../zoo/mod.rs"]
+mod zoo;

@@ -8,8 +8,10 @@
 //! | `frameworks` | random frameworks and those of the textbooks, held to dense singular values |
 //! | `vibrations` | modes of planted scenes, held to dense eigenvalues |
 //! | `answers` | closed forms: catenary, two-bar truss, chain, rings, membrane |
+//! | `code_aster` | published answers for a damped chain: harmonic and random response, complex modes |
 
 pub mod answers;
+pub mod code_aster;
 pub mod equilibria;
 pub mod frameworks;
 pub mod mechanics;

@@ -20,6 +20,8 @@ pub enum Tool {
     Statics(Words),
     /// Compare answers to indefinite matrices on random scenes: verification/definiteness.md; a minute
     Definiteness(Words),
+    /// Run every method towards prescribed motions: verification/manufactured.md; a minute
+    Manufactured(Words),
     /// Compare methods on a swinging cloth: the table of verification/motion.md; minutes
     Motion(Words),
     /// Draw work–precision diagrams and stability maps: verification/charts; minutes
@@ -32,6 +34,8 @@ pub enum Tool {
     MonitorCost(Words),
     /// Run stress tests: random bytes, killed runs, odd matrices; see CONTRIBUTING.md
     Stress(Words),
+    /// Measure residuals on matrices that are hard: verification/zoo.md; seconds
+    Zoo(Words),
     /// Derive known answers by the Python programs in verification/answers/derive; minutes
     Answers(Words),
     /// Measure performance: docs/performance; half an hour
@@ -68,11 +72,13 @@ impl Tool {
             Self::Ready(_) => tool("ready"),
             Self::Statics(_) => tool("statics"),
             Self::Definiteness(_) => tool("definiteness"),
+            Self::Manufactured(_) => tool("manufactured"),
             Self::Motion(_) => tool("motion"),
             Self::Charts(_) => tool("charts"),
             Self::Auto(_) => tool("auto"),
             Self::MonitorCost(_) => tool("monitor_cost"),
             Self::Stress(_) => tool("stress"),
+            Self::Zoo(_) => tool("zoo"),
             Self::Picture(_) => ("cargo", vec!["run", "--release", "--example", "lost_definiteness", "--"]),
             Self::Peers(_) => ("cargo", vec!["run", "--release", "--manifest-path", "benches/peers/Cargo.toml", "--"]),
             Self::Answers(_) => ("python3", vec!["verification/answers/derive/all.py"]),
@@ -87,12 +93,14 @@ impl Tool {
         | Self::Ready(given)
         | Self::Statics(given)
         | Self::Definiteness(given)
+        | Self::Manufactured(given)
         | Self::Motion(given)
         | Self::Charts(given)
         | Self::Peers(given)
         | Self::Auto(given)
         | Self::MonitorCost(given)
         | Self::Stress(given)
+        | Self::Zoo(given)
         | Self::Answers(given)
         | Self::Performance(given)
         | Self::Picture(given)) = self;

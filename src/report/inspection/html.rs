@@ -49,8 +49,12 @@ pub fn html(
 
 fn banner(inspection: &Inspection) -> Markup {
     let inertia = &inspection.examined().inertia;
+    let certainty = match inertia.proven {
+        true => "A bound of all rounding errors proves the signs that were counted.",
+        false => "The counts hold up to rounding, which was measured and not bounded.",
+    };
     let counts = typeset(&format!(
-        "{} negative, {} zero and {} positive eigenvalues, from {} to {} N/m.",
+        "{} negative, {} zero and {} positive eigenvalues, from {} to {} N/m. {certainty}",
         inertia.negative,
         inertia.zero,
         inertia.positive,

@@ -63,6 +63,7 @@ impl OptionRecord {
         let inertia = &option.inertia;
         let signs = json!({
             "negative": inertia.negative, "zero": inertia.zero, "positive": inertia.positive, "band": inertia.band,
+            "proven": inertia.proven,
         });
         Self {
             inertia: signs,

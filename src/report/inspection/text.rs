@@ -34,7 +34,10 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
     let is_counted = !inspection.lacks(Part::Signs(*option));
     let signs = match is_counted {
         false => "signs not counted".to_owned(),
-        true => format!("{} negative, {} zero, {} positive", inertia.negative, inertia.zero, inertia.positive),
+        true => {
+            let certainty = if inertia.proven { "proven" } else { "to rounding" };
+            format!("{} negative, {} zero, {} positive ({certainty})", inertia.negative, inertia.zero, inertia.positive)
+        }
     };
     lines.push(format!(
         "  eigenvalues  {signs}; from {} to {} N/m, condition {}",

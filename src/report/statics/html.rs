@@ -56,7 +56,9 @@ pub fn mode_motions(scene: &str, at: &str, system: &System, found: &Modes) -> Mo
     let mut warnings = Vec::new();
     if found.complete {
         let below = pretty(found.counted_below);
-        facts.push(format!("A factorization counts the eigenvalues below {below} 1/s²: none is missing."));
+        let certainty =
+            if found.proven { "A bound of all rounding errors proves it." } else { "It holds to rounding." };
+        facts.push(format!("A factorization counts the eigenvalues below {below} 1/s²: none is missing. {certainty}"));
     } else {
         warnings.push("The eigenvalues were not counted: modes may be missing.".into());
     }
