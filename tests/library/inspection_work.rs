@@ -27,6 +27,8 @@ fn an_inspection_costs_few_factorizations() {
         for (what, builder, dt, most) in
             [("stretched", rest, 0.05, 19), ("pressed", pressed, 0.05, 38), ("slack", slack, 0.004, 30)]
         {
+            // Three more for the fourth option.
+            let most = most + 3;
             let (system, state) = builder.build().expect("a valid scene");
             let inspection = Inspection::at(&system, &state, dt, Stiffness::Full, Par::Seq).expect("a small system");
             assert_eq!(inspection.examined().inertia.negative > 0, what == "pressed");
@@ -149,7 +151,7 @@ fn the_first_answer_comes_first_and_is_true() {
         let inspection = within.expect("a small system");
         let (first, work, left) = &seen[0];
         println!("{n} {dt}: {:?} {:?} {work:?}", first.definite, first.direction.eigenvalue);
-        assert_eq!((*left, work.symbolic_factorizations, work.assemblies), (17, 1, 1), "{work:?}");
+        assert_eq!((*left, work.symbolic_factorizations, work.assemblies), (21, 1, 1), "{work:?}");
         assert!(work.factorizations <= 1 && work.solves <= 4, "{work:?}");
         assert_eq!(inspection.first.as_ref(), Some(first));
         assert_eq!(first.definite, inspection.examined().inertia.is_definite());
