@@ -229,13 +229,8 @@ fn proven_counts_are_those_of_exact_arithmetic() {
     let (mut regular, mut proven) = (0, 0);
     for seed in 0..600usize {
         let number = |row: usize, column: usize| (noise(97 * seed + row, 31 * seed + column) * 9.0).round() as i128;
-        let mut a = [[0; 6]; 6];
-        for row in 0..6 {
-            for column in 0..=row {
-                a[row][column] = number(row, column);
-                a[column][row] = a[row][column];
-            }
-        }
+        let mut a: [[i128; 6]; 6] =
+            std::array::from_fn(|row| std::array::from_fn(|column| number(row.max(column), row.min(column))));
         if seed % 3 > 0 {
             // The last row and column are sums of the first two, and nearly so with a scale of 10⁴.
             let scale = if seed % 3 == 1 { 1 } else { 10_000 };

@@ -123,7 +123,8 @@ mod tests {
     #[test]
     fn bounds_are_above_the_error_in_twice_the_precision() {
         let graded = |row: usize| 10f64.powi(-(row as i32 % 7));
-        let matrices: [(&str, Box<dyn Fn(usize, usize) -> f64>); 4] = [
+        type Entry = Box<dyn Fn(usize, usize) -> f64>;
+        let matrices: [(&str, Entry); 4] = [
             ("definite", Box::new(|r, c| noise(r, c) + if r == c { 20.0 } else { 0.0 })),
             ("indefinite", Box::new(|r, c| noise(r, c) + if r == c { 20.0 - 40.0 * (r % 2) as f64 } else { 0.0 })),
             ("graded", Box::new(move |r, c| (noise(r, c) + if r == c { 20.0 } else { 0.0 }) * graded(r) * graded(c))),

@@ -85,9 +85,9 @@ fn chain(n: usize) -> Vec<[usize; 2]> {
 }
 
 fn grid(n: usize) -> Vec<[usize; 2]> {
-    let side = |p: usize| (p % 5 > 0).then(|| [p, p - 1]);
+    let side = |p: usize| (!p.is_multiple_of(5)).then(|| [p, p - 1]);
     let up = |p: usize| (p >= 5).then(|| [p, p - 5]);
-    let across = |p: usize| (p >= 5 && p % 5 > 0).then(|| [p, p - 6]);
+    let across = |p: usize| (p >= 5 && !p.is_multiple_of(5)).then(|| [p, p - 6]);
     (0..n).flat_map(|p| [side(p), up(p), across(p)]).flatten().collect()
 }
 
@@ -145,7 +145,7 @@ pub fn all() -> Vec<Animal> {
         let diagonal = |row: usize| ((row % 21) as f64 - 10.0).abs();
         let beside = |row: usize, column: usize| match row.abs_diff(column) {
             1 => {
-                if row.max(column) % 21 == 0 {
+                if row.max(column).is_multiple_of(21) {
                     1e-8
                 } else {
                     1.0
