@@ -153,20 +153,20 @@ mod tests {
         }
     }
 
-    /// By hand: `[4 2; 2 5]` has `L = [1; ½ 1]` and pivots of 4, so that `|L||D||Lᵀ|e` is (6, 7), or backwards `L = [1; 0.4 1]` with pivots
-    /// of 5 and 3.2, and (7, 6). The row below has one entry of L more.
+    /// By hand: `[4 4; 4 4½]` has an entry of 1 in L and pivots of 4 and ½, so that `|L||D||Lᵀ|e` is (8, 8½), or backwards one of 8/9 and pivots
+    /// of 4½ and 4/9, and (8½, 8). The row below has one entry of L more, which decides.
     #[test]
     fn the_bound_of_two_rows_by_hand() {
         let entry = |row: usize, column: usize| match (row.min(column), row.max(column)) {
             (0, 0) => 4.0,
-            (0, 1) => 2.0,
-            (1, 1) => 5.0,
+            (0, 1) => 4.0,
+            (1, 1) => 4.5,
             (2, 2) => 0.25,
             _ => 0.0,
         };
         let factorization = factored(&banded(1, 0, entry));
         let first = factorization.pivots().find(|(row, _)| *row < 2).unwrap().1;
-        let [upper, lower] = if first == 4.0 { [6.0, 7.0] } else { [7.0, 6.0] };
+        let [upper, lower] = if first == 4.0 { [8.0, 8.5] } else { [8.5, 8.0] };
         // One more entry where the third row lies between them in a supernode.
         let expected = |entries: f64| f64::max(8.0 * upper, (8.0 + entries) * lower) * U;
         let bound = factorization.rounding_bound(None);

@@ -185,8 +185,8 @@ fn reading(results: &Results) -> Markup {
         ("1", "exactly at the bound: checks of counts and of yes or no, whose value is right when it is the bound"),
         (
             "just below 1",
-            "by less than 10⁻⁸: the bound is sharp, an inequality of theory that the worst case meets with equality but for rounding, \
-             as a matrix has its smallest eigenvalue where no spring resists a motion; all digits are in report.json",
+            "by less than 10⁻⁸: the bound is sharp. An estimate that never exceeds the true number, as that of a condition number, often meets it \
+             but for rounding; all digits are in report.json",
         ),
         (
             "10⁻¹⁶",
