@@ -1,6 +1,6 @@
 //! A particle whose steps are known by hand, whatever the method.
 //!
-//! A spring draws it behind a particle that is led along x, faster, back and faster again between kinks a second apart. Seen from there
+//! A spring draws it behind a particle that is moved along x, faster, back and faster again between kinks a second apart. Seen from there
 //! it swings about the place where the spring carries its weight, along the spring as a damped oscillator and, by as little as makes no
 //! difference along it, across the spring as an undamped one. With λ the eigenvalue and `y = Re(a)`, `y' = Re(λ a)`, a method with
 //! the stability function R makes `R(hλ) a` of a.

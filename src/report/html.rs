@@ -134,7 +134,7 @@ fn contents(claims: &[(Claim, Numbered<'_>)]) -> Markup {
     html! {
         nav aria-label="Contents" {
             h2 { "What was verified" }
-            (page::table("Claims", "full", &columns, claims.iter().map(row)))
+            (page::table("Claims", "full cards", &columns, claims.iter().map(row)))
         }
     }
 }

@@ -165,7 +165,7 @@ impl Claim {
                 "constraints",
                 "Constraints are followed exactly",
                 "x_c(t) = prescribed,   A_ff δx_f = b_f − A_fc δx_c",
-                "A particle that is held, or led along a path, must be exactly there at every step, and its neighbours must \
+                "A particle that is held, or moved along a path, must be exactly there at every step, and its neighbours must \
                  feel it. A planar scene must move as the same scene in space whose third coordinate is held.",
             ],
             Self::Failure => [

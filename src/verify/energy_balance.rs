@@ -150,14 +150,14 @@ fn simpson(values: impl ExactSizeIterator<Item = f64>, dt: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verify::fixtures::{led, path};
+    use crate::verify::fixtures::{moved, path};
 
     /// Nothing vibrates, so a quarter of a second would do; of a path with corners at 0.5 s and 1.1 s there is a tenth of a second
     /// left at 1 s.
     #[test]
     fn all_steps_end_before_the_next_corner_of_a_path() {
         let step_at = |time: f64| {
-            let mut case = led(path(&[0.5, 1.1]), 1.0);
+            let mut case = moved(path(&[0.5, 1.1]), 1.0);
             case.state.time = time;
             step(&case)
         };

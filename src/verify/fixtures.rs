@@ -44,8 +44,8 @@ pub fn pair(rest_length: f64, dt: f64) -> TestCase {
     case(builder, dt)
 }
 
-/// A particle that is led along x from 1 m.
-pub fn led(motion: Motion, dt: f64) -> TestCase {
+/// A particle that is moved along x from 1 m.
+pub fn moved(motion: Motion, dt: f64) -> TestCase {
     let mut builder = SystemBuilder::new();
     builder.particle([1.0, 0.0, 0.0], 1.0);
     builder.constrain(Constraint { particles: vec![0], axes: Axes::of(&[0]), motion });

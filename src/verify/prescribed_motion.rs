@@ -127,7 +127,7 @@ fn magnitude(motion: &Motion, t: f64, axis: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verify::fixtures::{led, line_state, path as resting_path};
+    use crate::verify::fixtures::{line_state, moved, path as resting_path};
     use nalgebra::Vector3;
 
     /// From 0 by 300 m in the first hundred seconds, back by 200 m in the two hundred that follow.
@@ -153,11 +153,11 @@ mod tests {
         assert_eq!(magnitude(&path(), 50.0, 0), 300.0 + 50.0 * 3.0);
     }
 
-    /// A particle that is led at 2 m/s has gone 3 m in ½ s and has a velocity of 7 m/s: 1 m/s more than its displacement says, 5 m/s more
+    /// A particle that is moved at 2 m/s has gone 3 m in ½ s and has a velocity of 7 m/s: 1 m/s more than its displacement says, 5 m/s more
     /// than its motion.
     #[test]
     fn velocities_are_those_of_the_displacement_or_of_the_motion() {
-        let case = led(Motion::Velocity(Vector3::new(2.0, 0.0, 0.0)), 0.5);
+        let case = moved(Motion::Velocity(Vector3::new(2.0, 0.0, 0.0)), 0.5);
         let state = |time, x, v| line_state(time, [x; 3], [v; 3]);
         let error = |method, v| velocity_error(&case, method, 0.5, &state(3.5, 4.0, 0.0), &state(4.0, 7.0, v)) * U;
         for method in [Method::BackwardEuler, Method::LinearBackwardEuler] {
@@ -172,10 +172,10 @@ mod tests {
     #[test]
     fn paths_are_looked_at_around_all_their_corners() {
         let expected = [0.0, 0.5, 1.0, 1000.0, 1.0, 3.0, 1.74, 0.1, 1.9, 2.1, 3.9];
-        let times = many_times(&led(resting_path(&[1.0, 3.0]), 0.5));
+        let times = many_times(&moved(resting_path(&[1.0, 3.0]), 0.5));
         assert_eq!(times.len(), expected.len());
         assert!(times.iter().zip(expected).all(|(t, expected)| (t - expected).abs() < 1e-12), "{times:?}");
-        let checks = measure(&led(path(), 0.5)).unwrap();
+        let checks = measure(&moved(path(), 0.5)).unwrap();
         assert!(checks[0].name == "prescribed positions at many times" && checks.iter().all(Check::passed));
     }
 }

@@ -36,9 +36,9 @@ pub(super) struct EnergyBalance {
     pub initial: Energy,
     pub energy: Energy,
     /// Energy of the moving prescribed coordinates themselves, at the start and now.
-    led: [BodyEnergy; 2],
+    prescribed: [BodyEnergy; 2],
     /// Energy of the centre of mass of a scene that nothing holds.
-    carried: BodyEnergy,
+    centre_of_mass: BodyEnergy,
     /// Work of constraints on springs, and of external forces.
     work: f64,
     dissipated: f64,
@@ -61,24 +61,32 @@ pub(super) struct Free {
 
 impl EnergyBalance {
     /// At the start of a run.
-    pub fn new(springs: &Sums, particles: &ParticleSums, led: BodyEnergy) -> Self {
+    pub fn new(springs: &Sums, particles: &ParticleSums, prescribed: BodyEnergy) -> Self {
         let energy = energy(springs, particles);
-        let carried = particles.carried();
-        Self { initial: energy, energy, led: [led; 2], carried, work: 0.0, dissipated: 0.0, certain: 0.0 }
+        let centre_of_mass = particles.centre_of_mass();
+        Self {
+            initial: energy,
+            energy,
+            prescribed: [prescribed; 2],
+            centre_of_mass,
+            work: 0.0,
+            dissipated: 0.0,
+            certain: 0.0,
+        }
     }
 
     /// Enters a step; `sums` holds the energies of the springs, and the work and dissipation of the step.
-    pub fn enter(&mut self, sums: &Sums, particles: &ParticleSums, led: BodyEnergy) {
+    pub fn enter(&mut self, sums: &Sums, particles: &ParticleSums, prescribed: BodyEnergy) {
         self.energy = energy(sums, particles);
-        self.led[1] = led;
-        self.carried = particles.carried();
+        self.prescribed[1] = prescribed;
+        self.centre_of_mass = particles.centre_of_mass();
         self.work += sums.work;
         self.dissipated += sums.dissipated;
         self.certain += sums.certain;
     }
 
     pub fn balance(&self) -> Balance {
-        let [before, now] = &self.led;
+        let [before, now] = &self.prescribed;
         self.balance_of(&self.energy, self.work + (now.total() - before.total()), self.dissipated)
     }
 
@@ -90,13 +98,13 @@ impl EnergyBalance {
 
     pub fn free(&self) -> Free {
         let Energy { kinetic, elastic, gravitational } = self.energy;
-        let ([_, led], carried) = (&self.led, &self.carried);
+        let ([_, prescribed], centre_of_mass) = (&self.prescribed, &self.centre_of_mass);
         Free {
-            kinetic: kinetic - led.kinetic - carried.kinetic,
-            potential: elastic + (gravitational - led.gravitational - carried.gravitational),
+            kinetic: kinetic - prescribed.kinetic - centre_of_mass.kinetic,
+            potential: elastic + (gravitational - prescribed.gravitational - centre_of_mass.gravitational),
             work: self.work,
             certain: self.certain,
-            magnitude: kinetic + elastic + gravitational.abs() + led.gravitational.abs(),
+            magnitude: kinetic + elastic + gravitational.abs() + prescribed.gravitational.abs(),
         }
     }
 }
@@ -151,7 +159,7 @@ impl ParticleSums {
     }
 
     /// The energy of the centre of mass of a scene that nothing holds.
-    fn carried(&self) -> BodyEnergy {
+    fn centre_of_mass(&self) -> BodyEnergy {
         if self.mass == 0.0 {
             return BodyEnergy::default();
         }

@@ -285,28 +285,28 @@ fn particles(kinetic: f64, weight: f64) -> ParticleSums {
     ParticleSums { kinetic, weight, ..ParticleSums::default() }
 }
 
-fn led(kinetic: f64, gravitational: f64) -> BodyEnergy {
+fn body(kinetic: f64, gravitational: f64) -> BodyEnergy {
     BodyEnergy { kinetic, gravitational }
 }
 
 /// A start and two steps, entered and added up by hand.
 #[test]
 fn energy_goes_where_the_steps_say() {
-    let mut balance = EnergyBalance::new(&sums(3.0, 0.0, 0.0, 0.0), &particles(10.0, 6.0), led(1.0, 0.5));
+    let mut balance = EnergyBalance::new(&sums(3.0, 0.0, 0.0, 0.0), &particles(10.0, 6.0), body(1.0, 0.5));
     let initial = Energy { kinetic: 10.0, elastic: 3.0, gravitational: -6.0 };
     assert_eq!((balance.initial, balance.energy, balance.balance()), (initial, initial, Balance::default()));
     // Without what is led: 10 − 1, and 3 + (−6 − 0.5).
     let free = Free { kinetic: 9.0, potential: -3.5, work: 0.0, certain: 0.0, magnitude: 19.5 };
     assert_eq!(balance.free(), free);
 
-    balance.enter(&sums(5.0, 8.0, 0.75, 0.1875), &particles(20.0, 7.0), led(4.0, 1.0));
+    balance.enter(&sums(5.0, 8.0, 0.75, 0.1875), &particles(20.0, 7.0), body(4.0, 1.0));
     assert_eq!((balance.initial, balance.energy.total()), (initial, 18.0));
     // What is led has got 3.5 J, by work that went through no spring.
     assert_eq!(balance.balance(), Balance { work: 11.5, dissipated: 0.75, imbalance: 18.0 - 7.0 - 11.5 + 0.75 });
     let free = Free { kinetic: 16.0, potential: -3.0, work: 8.0, certain: 0.1875, magnitude: 33.0 };
     assert_eq!(balance.free(), free);
 
-    balance.enter(&sums(5.0, 2.0, 1.25, 1.25), &particles(20.0, 7.0), led(4.0, 1.0));
+    balance.enter(&sums(5.0, 2.0, 1.25, 1.25), &particles(20.0, 7.0), body(4.0, 1.0));
     assert_eq!(balance.balance(), Balance { work: 13.5, dissipated: 2.0, imbalance: 18.0 - 7.0 - 13.5 + 2.0 });
     assert_eq!((balance.free().work, balance.free().certain), (10.0, 1.4375));
 

@@ -61,8 +61,8 @@ impl BodyEnergy {
 pub(super) struct Work<'s> {
     system: &'s System,
     coordinates: Vec<Coordinate>,
-    /// The mean velocities in the step of the coordinates that are led, by particle; empty where none is.
-    led: Vec<[Option<f64>; 3]>,
+    /// The mean velocities in the step of the coordinates that are prescribed, by particle; empty where none is.
+    prescribed: Vec<[Option<f64>; 3]>,
     driven: Vec<DrivenSpring>,
     /// The values of the law at the last state, where it gives those of all springs at once.
     law: LawValues,
@@ -85,11 +85,11 @@ impl<'s> Work<'s> {
         let coordinate =
             |particle: usize, axis: usize| Coordinate { particle, axis, position: state.positions[particle][axis] };
         let coordinates: Vec<_> = moving.map(|(dof, ..)| coordinate(dof.particle, dof.axis)).collect();
-        let mut led = vec![[None; 3]; if coordinates.is_empty() { 0 } else { system.particles() }];
-        coordinates.iter().for_each(|c| led[c.particle][c.axis] = Some(0.0));
-        let is_led = |p: usize| led.get(p).is_some_and(|axes| axes.iter().any(Option::is_some));
+        let mut prescribed = vec![[None; 3]; if coordinates.is_empty() { 0 } else { system.particles() }];
+        coordinates.iter().for_each(|c| prescribed[c.particle][c.axis] = Some(0.0));
+        let is_prescribed = |p: usize| prescribed.get(p).is_some_and(|axes| axes.iter().any(Option::is_some));
         let driven = (0..system.pairs().len())
-            .filter(|&spring| system.owns_spring(spring) && system.pair(spring).into_iter().any(is_led))
+            .filter(|&spring| system.owns_spring(spring) && system.pair(spring).into_iter().any(is_prescribed))
             .map(|spring| {
                 let [i, j] = system.pair(spring);
                 let d = state.positions[i] - state.positions[j];
@@ -99,7 +99,7 @@ impl<'s> Work<'s> {
             .collect();
         let external = system.has_external_forces().then(|| External::at(system, state));
         let actuation = actuation_power(system, &state.moment());
-        let mut work = Self { system, coordinates, led, driven, law: LawValues::default(), external, actuation };
+        let mut work = Self { system, coordinates, prescribed, driven, law: LawValues::default(), external, actuation };
         work.law = work.law_at(state);
         work
     }
@@ -116,15 +116,15 @@ impl<'s> Work<'s> {
     /// `Σ ½ m v²` and `−Σ m g x` over the moving coordinates.
     pub fn energy(&self, state: &State) -> BodyEnergy {
         let gravity = self.system.gravity();
-        let mut led = BodyEnergy::default();
+        let mut prescribed = BodyEnergy::default();
         let own = self.system.own_particles();
         for c in self.coordinates.iter().filter(|c| c.particle < own) {
             let (x, v) = (state.positions[c.particle][c.axis], state.velocities[c.particle][c.axis]);
             let mass = self.system.masses()[c.particle];
-            led.kinetic += 0.5 * mass * v * v;
-            led.gravitational -= mass * gravity[c.axis] * x;
+            prescribed.kinetic += 0.5 * mass * v * v;
+            prescribed.gravitational -= mass * gravity[c.axis] * x;
         }
-        let [kinetic, gravitational] = self.system.total([led.kinetic, led.gravitational]);
+        let [kinetic, gravitational] = self.system.total([prescribed.kinetic, prescribed.gravitational]);
         BodyEnergy { kinetic, gravitational }
     }
 
@@ -141,14 +141,14 @@ impl<'s> Work<'s> {
     fn constraints(&mut self, state: &State, dt: f64) -> Sums {
         let law = self.law_at(state);
         let before = std::mem::replace(&mut self.law, law);
-        let Self { system, coordinates, led, driven, law, .. } = self;
+        let Self { system, coordinates, prescribed, driven, law, .. } = self;
         let laws = [&before, law];
         for c in coordinates {
             let position = state.positions[c.particle][c.axis];
-            led[c.particle][c.axis] = Some((position - c.position) / dt);
+            prescribed[c.particle][c.axis] = Some((position - c.position) / dt);
             c.position = position;
         }
-        let within = |p: usize, v: &Vector3<f64>| Vector3::from_fn(|axis, _| led[p][axis].unwrap_or(v[axis]));
+        let within = |p: usize, v: &Vector3<f64>| Vector3::from_fn(|axis, _| prescribed[p][axis].unwrap_or(v[axis]));
         let mut sums = Sums::default();
         for driven in driven {
             let [i, j] = system.pair(driven.spring);
@@ -210,14 +210,14 @@ pub(super) fn exchange(
     let rate = RateParabola::new([first.length, last.length], [first.rate, last.rate], 1.0 / dt);
     let middle = 0.5 * (g[0] + g[1]);
     let mean = middle + correction * (slope[0] - slope[1]);
-    let led = RateParabola { mean, slope: g[1] - g[0], second_difference: middle - mean };
+    let ends = RateParabola { mean, slope: g[1] - g[0], second_difference: middle - mean };
     let product = |other: &RateParabola| {
         let certain = rate.mean * other.mean;
         let resolved = rate.slope * other.slope / 12.0 + rate.second_difference * other.second_difference / 5.0;
         (damping * dt * certain, damping * dt * if is_resolved { resolved } else { 0.0 })
     };
     let (certain, resolved) = product(&rate);
-    let (pull, pull_resolved) = product(&led);
+    let (pull, pull_resolved) = product(&ends);
     Sums { elastic: 0.0, work: elastic + pull + pull_resolved, dissipated: certain + resolved, certain }
 }
 

@@ -187,7 +187,7 @@ fn work_and_dissipation_are_those_of_the_formulas() {
 }
 
 /// A damped spring of 12 N/m between a free particle of 2 kg and one that is led along x at 0.3 m/s, under gravity.
-fn led() -> (System, State) {
+fn moved() -> (System, State) {
     let mut builder = SystemBuilder::new();
     builder.gravity(-4.0, 0.0, 9.0);
     builder.particle([1.0, 0.0, 0.0], 3.0);
@@ -202,7 +202,7 @@ fn led() -> (System, State) {
 /// resolve the spring knows the mean of the tensions at its ends, and that of the rate.
 #[test]
 fn a_spring_that_is_drawn_takes_its_tension_times_the_way() {
-    let (system, start) = led();
+    let (system, start) = moved();
     let [r0, r1, r2, u, b] = [-0.3, -2.0, 5.0, 0.3, 0.7];
     let length = |t: f64| 1.0 + t * (r0 + t * (r1 / 2.0 + t * r2 / 3.0));
     let rate = |t: f64| r0 + t * (r1 + t * r2);
@@ -239,12 +239,12 @@ fn a_spring_that_is_drawn_takes_its_tension_times_the_way() {
 /// A coordinate led along x has kinetic energy and weight along x alone.
 #[test]
 fn led_coordinates_have_energy_of_their_own() {
-    let (system, mut state) = led();
+    let (system, mut state) = moved();
     state.positions[0] = Vector3::new(0.25, 3.0, 7.0);
     state.velocities[0] = Vector3::new(0.5, 3.0, 7.0);
-    let led = Work::new(&system, &state).energy(&state);
-    assert_eq!(led, BodyEnergy { kinetic: 1.5 * 0.25, gravitational: 3.0 * 4.0 * 0.25 });
-    assert_eq!(led.total(), 3.375);
+    let prescribed = Work::new(&system, &state).energy(&state);
+    assert_eq!(prescribed, BodyEnergy { kinetic: 1.5 * 0.25, gravitational: 3.0 * 4.0 * 0.25 });
+    assert_eq!(prescribed.total(), 3.375);
 }
 
 /// Grows with time, and differs from particle to particle and from axis to axis.

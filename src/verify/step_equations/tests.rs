@@ -3,7 +3,7 @@
 use super::*;
 use crate::spring::Spring;
 use crate::system::{Axes, Constraint, Motion, SystemBuilder};
-use crate::verify::fixtures::{self, assert_close, case, chain, led, line_state as state, path};
+use crate::verify::fixtures::{self, assert_close, case, chain, line_state as state, moved, path};
 
 const DT: f64 = 0.5;
 
@@ -184,7 +184,7 @@ fn every_method_is_put_into_its_own_equations() {
 /// it from the one before, and so does one within the one before; not if both have one.
 #[test]
 fn a_corner_parts_two_steps() {
-    let parted = |corners: &[f64]| starts_afresh(&led(path(corners), 0.5), 1.0, 0.5);
+    let parted = |corners: &[f64]| starts_afresh(&moved(path(corners), 0.5), 1.0, 0.5);
     let alone = |corner: f64| parted(&[corner, 100.0]);
     assert_eq!([1.0, 1.2, 1.5 - 1e-9, 0.7, 0.5 + 1e-9, 1.0 - 1e-9].map(alone), [true; 6]);
     assert_eq!([1.5, 1.0 + 0.5 - 5e-10, 1.7, 0.5, 0.2].map(alone), [false; 5]);
