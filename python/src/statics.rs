@@ -50,7 +50,15 @@ impl Equilibrium {
         let found = &self.found;
         let signs = found.inertia;
         let signs = [signs.negative, signs.zero, signs.positive];
-        (found.stability.name(), found.residual, found.energy, found.iterations, signs, found.counted, found.falling.clone())
+        (
+            found.stability.name(),
+            found.residual,
+            found.energy,
+            found.iterations,
+            signs,
+            found.counted,
+            found.falling.clone(),
+        )
     }
 
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
