@@ -38,7 +38,7 @@ def test_modes_of_random_systems_are_those_of_a_dense_solver(dimension, seed):
     assert found.zero_modes == zeros
     others = expected[abs(expected) >= 1e-12 * scale]
     np.testing.assert_allclose(found.eigenvalues, others[: len(found)], atol=1e-10 * scale)
-    assert len(found) == min(6, len(others)) and found.complete
+    assert len(found) == min(6, len(others)) and found.complete and found.proven
     # The count includes zero modes.
     below = np.count_nonzero(expected < found.counted_below)
     reported = np.concatenate([found.eigenvalues, np.zeros(found.zero_modes)])

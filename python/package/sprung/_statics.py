@@ -136,7 +136,9 @@ class Modes:
     hanging : list of list of int
         Where there are mechanisms, the particles of each part that hangs by one spring.
     complete : bool
-        Whether a factorization proves that no eigenvalue below ``counted_below`` is missing.
+        Whether no eigenvalue below ``counted_below`` is missing, by the count of a factorization.
+    proven : bool
+        Whether that count is a theorem about the stored matrix: the factorization's rounding errors are bounded.
     counted_below : float
     imbalance : float
         The largest unbalanced force over the largest force; zero at an equilibrium.
@@ -149,7 +151,10 @@ class Modes:
         with np.errstate(invalid="ignore"):
             self.frequencies: Floats = np.sqrt(self.eigenvalues) / (2 * np.pi)
         figures = native.figures()
-        self.zero_modes, self.rigid_motions, self.gap, self.complete, self.counted_below, self.imbalance = figures
+        self.zero_modes, self.rigid_motions, self.gap, complete, self.counted_below, self.imbalance = figures
+        self.complete: bool
+        self.proven: bool
+        self.complete, self.proven = complete
         self.parts: list[list[int]]
         self.hanging: list[list[int]]
         self.parts, self.hanging = native.parts()
