@@ -38,7 +38,7 @@ pub struct Chart {
 
     /// Time step around which to sweep, in seconds [default: the scene's time.dt, or 0.01]
     #[arg(long, value_name = "S", value_parser = positive)]
-    pub(super) dt: Option<f64>,
+    dt: Option<f64>,
 
     /// Map the limits of stability too: every method on a model of one particle between two springs
     #[arg(long)]
@@ -50,11 +50,11 @@ pub struct Chart {
     definiteness: bool,
 
     #[command(flatten)]
-    pub(super) threads: Threads,
+    threads: Threads,
 
     /// Folder for the files, made where it does not exist [default: out/<scene name>]
     #[arg(long, value_name = "DIR")]
-    pub(super) out: Option<PathBuf>,
+    out: Option<PathBuf>,
 }
 
 const FILES: [&str; 2] = ["chart.json", "chart.html"];
@@ -74,13 +74,13 @@ impl Chart {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let scene = self.scene.load(console)?;
         let budget = Duration::try_from_secs_f64(self.budget).unwrap_or(Duration::MAX / 16).min(Duration::MAX / 16);
-        if self.definiteness {
-            return definiteness::execute(self, &scene, budget, console);
-        }
         let dt = scene.step_or_default(console, self.dt);
+        let folder = scene.folder(&self.out);
+        if self.definiteness {
+            return definiteness::execute(&scene, dt, budget, &self.threads, &folder, console);
+        }
         let duration = scene.motion_length(self.duration, "a chart")?;
         scene.check_schedule(dt, duration)?;
-        let folder = scene.folder(&self.out);
         end_in_order();
         let _claimed = claim(&folder, &FILES, false)?;
         let until = Deadline::after(budget, interrupt());

@@ -1,9 +1,8 @@
 //! `sprung chart --definiteness`: every answer to a matrix that is not definite.
 
-use super::chart::Chart;
 use super::common::{LoadedScene, claim};
 use super::console::{Console, error};
-use super::threads::{end_in_order, interrupt, is_interrupted};
+use super::threads::{Threads, end_in_order, interrupt, is_interrupted};
 use super::{Exit, Stop};
 use serde::Serialize;
 use sprung::Result;
@@ -25,20 +24,25 @@ struct Report<'a> {
     conclusions: Vec<String>,
 }
 
-/// Compares options and policies from the scene's start.
-pub fn execute(chart: &Chart, scene: &LoadedScene, budget: Duration, console: &Console) -> Result<Exit, Stop> {
-    let dt = scene.step_or_default(console, chart.dt);
-    let folder = scene.folder(&chart.out);
+/// Compares options and policies from the scene's start, with a shortest step of dt seconds.
+pub fn execute(
+    scene: &LoadedScene,
+    dt: f64,
+    budget: Duration,
+    threads: &Threads,
+    folder: &Path,
+    console: &Console,
+) -> Result<Exit, Stop> {
     end_in_order();
-    let _claimed = claim(&folder, &FILES, false)?;
+    let _claimed = claim(folder, &FILES, false)?;
     let until = Deadline::after(budget, interrupt());
     let LoadedScene { name, system, state, .. } = scene;
-    let comparison = chart.threads.install(|| {
+    let comparison = threads.install(|| {
         let measured = Comparison::measure(name, system, state, dt, until);
         Ok(measured.map_err(|error| error.in_file(&scene.file))?)
     })?;
     let report = Report { comparison: &comparison, tolerance: TOLERANCE, conclusions: comparison.conclusions() };
-    write(&folder, &report).map_err(Stop::Broken)?;
+    write(folder, &report).map_err(Stop::Broken)?;
     let text = format!("{}  files: {} in {}", definiteness_text(&comparison), FILES.join(", "), folder.display());
     console.result(&report, text)?;
     if comparison.skipped > 0 {
