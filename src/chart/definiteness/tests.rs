@@ -72,20 +72,25 @@ fn profiles_are_parts_within_a_factor_of_the_best() {
     assert_eq!(second, [(1.0, third), (1.5, 2.0 * third), (2.0, 2.0 * third)]);
 }
 
-/// Beyond the critical step `full` is refused, and both policies end in a minimum.
+/// Beyond the critical step `full` is refused. Both policies end in a minimum, except in long steps in which no option arrives, and these say so.
 #[test]
 fn a_pressed_row_is_solved_by_the_policies() {
     let (system, state) = pressed_row();
     let until = Deadline::after(Duration::from_secs(7200), Interrupt::NEVER);
     let found = Comparison::measure("row", &system, &state, 0.1, until).unwrap();
     assert_eq!((found.skipped, found.solves.len()), (0, 6 * StiffnessPolicy::ALL.len()));
-    for solve in &found.solves {
-        if solve.stiffness == "full" && solve.dt.is_some() {
-            assert_eq!((solve.status, solve.negative), (Status::Indefinite, None), "{solve:?}");
-            assert!(solve.refused >= Some(1));
-        } else if ["on-demand", "progressive"].contains(&solve.stiffness) {
-            assert!(solve.is_solved() && solve.negative == Some(0), "{solve:?}");
-            assert!(solve.dt.is_none() || solve.changed_terms > Some(0), "{solve:?}");
+    for solves in found.problems() {
+        let are_solved = solves.iter().any(Solve::is_solved);
+        assert!(are_solved || solves[0].dt > Some(2.0), "{solves:?}");
+        for solve in solves {
+            if solve.stiffness == "full" && solve.dt.is_some() {
+                assert_eq!((solve.status, solve.negative), (Status::Indefinite, None), "{solve:?}");
+                assert!(solve.refused >= Some(1));
+            } else if ["on-demand", "progressive"].contains(&solve.stiffness) {
+                assert_eq!((solve.is_solved(), solve.message.is_none()), (are_solved, are_solved), "{solve:?}");
+                assert_eq!(solve.negative, are_solved.then_some(0), "{solve:?}");
+                assert!(solve.dt.is_none() || solve.changed_terms > Some(0), "{solve:?}");
+            }
         }
     }
     let over = Deadline::after(Duration::ZERO, Interrupt::NEVER);
