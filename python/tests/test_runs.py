@@ -207,7 +207,7 @@ def test_unusable_arguments_are_named():
     stepper = sprung.Stepper(system)
     for call, message in (
         (lambda: sprung.Stepper(system, method="rk4"), 'method = "rk4": must be one of linear-backward-euler, '),
-        (lambda: sprung.Stepper(system, stiffness="none"), 'stiffness = "none": must be one of on-demand, full'),
+        (lambda: sprung.Stepper(system, stiffness="none"), 'stiffness = "none": must be one of on-demand, progressive, full'),
         (lambda: sprung.Stepper(system, solver="lu"), 'solver = "lu": must be one of auto, llt'),
         (lambda: sprung.Stepper(system, preconditioner="ilu"), 'preconditioner = "ilu": must be one of none, jacobi'),
         (lambda: sprung.Stepper(system, tolerance=0.0), "tolerance = 0: must be finite and positive"),
