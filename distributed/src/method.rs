@@ -5,7 +5,6 @@ use crate::petsc::Petsc;
 use crate::ranks;
 use crate::solver::{Choice, Preconditioner};
 use clap::builder::PossibleValuesParser;
-use sprung::Stiffness;
 use sprung::integrate::{ImplicitOptions, Method, StiffnessPolicy};
 use sprung::linear::{SolverOptions, Tolerance};
 
