@@ -22,6 +22,7 @@
 //!
 //! **Gradient.** For a cost J with `∂J/∂x = x̄` at the equilibrium, `−K λ = x̄` and `dJ/dp = λᵀ ∂f/∂p` for a parameter p (implicit function theorem).
 
+mod factored;
 mod iterative;
 mod load_path;
 
@@ -54,7 +55,7 @@ pub struct EquilibriumOptions {
     pub load: f64,
     /// Whether the search goes on from a saddle.
     pub leave_saddles: bool,
-    /// The matrix of a step far from an equilibrium, where −K is not positive definite.
+    /// The matrix of a step far from an equilibrium, where −K is not positive definite. Without a factorization `Progressive` is `OnDemand`.
     pub stiffness: StiffnessPolicy,
 }
 
@@ -368,7 +369,10 @@ impl<'s> Search<'s> {
                     return self.end(Stability::NotConverged);
                 }
                 self.iterations += 1;
-                let (step, is_shifted) = self.newton_step()?;
+                let (step, is_shifted) = match self.solver {
+                    Solver::Factored(_) => self.factored_step()?,
+                    Solver::Iterative(_) => self.iterative_step(),
+                };
                 if !self.line_search(&step) {
                     return self.end(Stability::NotConverged);
                 }
@@ -397,106 +401,6 @@ impl<'s> Search<'s> {
                 return self.end(Stability::Unstable);
             }
         }
-    }
-
-    /// p of `−K p = f`. Where −K is singular by free motions alone, a shift of rounding makes it positive definite. Where it has negative
-    /// eigenvalues, option *tension* takes its place far from an equilibrium, and −K + σ near one, σ about the smallest that makes it positive definite:
-    /// there soft directions of negative curvature decide, and *tension* is far too stiff along them. The progressive policy takes *tension* for the
-    /// springs at large residuals alone, and an option takes the place of −K everywhere. Returns whether it was that shift.
-    fn newton_step(&mut self) -> Result<(Vec<f64>, bool)> {
-        if let Solver::Iterative(_) = self.solver {
-            return Ok(self.iterative_step());
-        }
-        let policy = self.options.stiffness;
-        let is_near = self.residual() < NEAR && !matches!(policy, StiffnessPolicy::Always(_));
-        if policy == StiffnessPolicy::Progressive {
-            if is_near {
-                self.projection.restart();
-            }
-            let mut residual = vec![Vector3::zeros(); self.system.particles()];
-            self.system.dofs().scatter(&self.force, &mut residual);
-            self.projection.begin(self.system, &residual);
-        }
-        let (mut a, mut dropped) = match policy {
-            StiffnessPolicy::Always(option) => (self.assemble(option)?, 0),
-            StiffnessPolicy::OnDemand => (self.assemble(Stiffness::Full)?, 0),
-            StiffnessPolicy::Progressive => self.assemble_projected()?,
-        };
-        if self.factor(&a) {
-            return Ok((self.solve(), false));
-        }
-        let norm = Some(norm_of(&a)).filter(|norm| *norm > 0.0).unwrap_or(self.acting);
-        let mut added = 0.0;
-        if self.is_free {
-            added = SINGULAR * norm;
-            a.shift(added);
-            if self.factor(&a) {
-                return Ok((self.solve(), false));
-            }
-        }
-        let compressed =
-            self.geometry.springs(self.system).filter(|((_, _, spring), at)| spring.is_compressed(at)).count();
-        while policy == StiffnessPolicy::Progressive
-            && !is_near
-            && self.projection.lower(self.system, &self.geometry, dropped, compressed)
-        {
-            (a, dropped) = self.assemble_projected()?;
-            a.shift(added);
-            if self.factor(&a) {
-                return Ok((self.solve(), false));
-            }
-        }
-        if !is_near && !matches!(policy, StiffnessPolicy::Always(_)) {
-            a = self.assemble(Stiffness::Tension)?;
-            added = 0.0;
-            if self.factor(&a) {
-                return Ok((self.solve(), false));
-            }
-        }
-        let [mut shift, growth] =
-            if is_near { [(0.125 * self.shift).max(1e-8 * norm), 4.0] } else { [1e-9 * norm, 100.0] };
-        while shift < norm {
-            a.shift(shift - added);
-            added = shift;
-            if self.factor(&a) {
-                self.shift = shift;
-                return Ok((self.solve(), is_near));
-            }
-            shift *= growth;
-        }
-        // A matrix of no numbers: downhill.
-        Ok((self.force.clone(), false))
-    }
-
-    fn assemble(&mut self, option: Stiffness) -> Result<SymmetricMatrix> {
-        self.work.assemblies += 1;
-        self.matrices.update(&self.state, option)?;
-        Ok(self.matrices.k().scaled(-1.0))
-    }
-
-    /// −K without the terms that the threshold of residuals drops, and their number.
-    fn assemble_projected(&mut self) -> Result<(SymmetricMatrix, usize)> {
-        self.work.assemblies += 1;
-        let dropped = self.projection.update(self.system, &self.geometry);
-        self.matrices.update_each(&self.state, self.projection.options())?;
-        Ok((self.matrices.k().scaled(-1.0), dropped))
-    }
-
-    /// Factors a matrix; false where it is not positive definite.
-    fn factor(&mut self, a: &SymmetricMatrix) -> bool {
-        let Solver::Factored(cholesky) = &mut self.solver else { return false };
-        self.work.factorizations += 1;
-        cholesky.factor(a).is_ok()
-    }
-
-    /// `A⁻¹ f` with the matrix that was factored.
-    fn solve(&mut self) -> Vec<f64> {
-        let mut step = self.force.clone();
-        if let Solver::Factored(cholesky) = &mut self.solver {
-            self.work.solves += 1;
-            cholesky.substitute_columns(step.len(), &mut step);
-        }
-        step
     }
 
     /// Moves along a step until E is low enough; false where no length does.

@@ -260,7 +260,7 @@ pub fn conclusions(problems: &[&[Solve]]) -> Vec<String> {
     let fails: Vec<String> =
         fails.map(|policy| format!("{} at {}", names[policy], problems.len() - all[policy].solved)).collect();
     if !fails.is_empty() {
-        sentences.push(format!("It fails more often: {}.", fails.join(", ")));
+        sentences.push(format!("Others fail more often: {}.", fails.join(", ")));
     }
     let differs = |solves: &&&[Solve]| {
         let energies = || solves.iter().filter_map(|solve| solve.energy);

@@ -13,6 +13,7 @@ use super::{NEAR, SINGULAR, Search, Signs, Solver};
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::{Eigenpair, Pencil, eigenpair};
 use crate::error::Result;
+use crate::integrate::StiffnessPolicy;
 use crate::linear::{
     CgOutcome, Cholesky, ConjugateGradient, CostModel, FactorSize, Preconditioner, PreconditionerKind, norm,
 };
@@ -59,19 +60,23 @@ impl Solver {
 }
 
 impl Search<'_> {
-    /// As [`newton_step`](Search::newton_step), by conjugate gradients; shifts are in the metric of the masses.
+    /// As [`factored_step`](Search::factored_step), by conjugate gradients; shifts are in the metric of the masses.
     pub(super) fn iterative_step(&mut self) -> (Vec<f64>, bool) {
-        if let Some(step) = self.iterate(Stiffness::Full, 0.0) {
+        let [first, far] = match self.options.stiffness {
+            StiffnessPolicy::Always(option) => [option; 2],
+            StiffnessPolicy::OnDemand | StiffnessPolicy::Progressive => [Stiffness::Full, Stiffness::Tension],
+        };
+        if let Some(step) = self.iterate(first, 0.0) {
             return (step, false);
         }
         let norm = Some(2.0 * self.stiffness()).filter(|norm| *norm > 0.0).unwrap_or(self.acting);
         if self.is_free
-            && let Some(step) = self.iterate(Stiffness::Full, SINGULAR * norm)
+            && let Some(step) = self.iterate(first, SINGULAR * norm)
         {
             return (step, false);
         }
-        let is_near = self.residual() < NEAR;
-        let option = if is_near { Stiffness::Full } else { Stiffness::Tension };
+        let is_near = self.residual() < NEAR && first != far;
+        let option = if is_near { first } else { far };
         let [mut shift, growth] = if is_near { [(0.125 * self.shift).max(1e-8 * norm), 4.0] } else { [0.0, 100.0] };
         while shift < norm {
             if let Some(step) = self.iterate(option, shift) {

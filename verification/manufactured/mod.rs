@@ -10,9 +10,11 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `motion` | derivatives of a motion in time, and the force, written from tensions and their rates |
+//! | `jet` | functions of time with their derivatives |
 //! | `scenes` | scenes and their motions |
+//! | `motion` | the force, written from tensions and their rates |
 
+mod jet;
 pub mod motion;
 pub mod scenes;
 

@@ -8,65 +8,12 @@
 //! time only, so no Jacobian changes. Its rate, which Rosenbrock methods use, needs the third derivative of x. Everything is written from
 //! the tension and its derivatives, without the library's forces: a wrong law in f, U and K alike moves the solution away from x(t).
 
+use super::jet::piecewise;
 use super::scenes::{Law, Scene};
 use nalgebra::Vector3;
 use sprung::system::{Derivatives, ExternalForce, StateView};
-use std::ops::{Add, Mul};
+use sprung::{Result, State, System};
 use std::sync::Arc;
-
-/// A function of time by its value and three derivatives.
-#[derive(Debug, Clone, Copy)]
-pub struct Jet(pub [f64; 4]);
-
-impl Jet {
-    pub fn constant(value: f64) -> Self {
-        Self([value, 0.0, 0.0, 0.0])
-    }
-
-    /// `a sin(ω t + φ)`.
-    pub fn wave(amplitude: f64, rate: f64, phase: f64, t: f64) -> Self {
-        let (sin, cos) = (rate * t + phase).sin_cos();
-        Self([sin, rate * cos, -rate.powi(2) * sin, -rate.powi(3) * cos].map(|derivative| amplitude * derivative))
-    }
-}
-
-impl Add for Jet {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        Self(std::array::from_fn(|order| self.0[order] + other.0[order]))
-    }
-}
-
-/// Leibniz's rule.
-impl Mul for Jet {
-    type Output = Self;
-
-    fn mul(self, Self(g): Self) -> Self {
-        let f = self.0;
-        Self([
-            f[0] * g[0],
-            f[1] * g[0] + f[0] * g[1],
-            f[2] * g[0] + 2.0 * f[1] * g[1] + f[0] * g[2],
-            f[3] * g[0] + 3.0 * f[2] * g[1] + 3.0 * f[1] * g[2] + f[0] * g[3],
-        ])
-    }
-}
-
-/// Value and rate, just after t, of a piecewise linear function, constant before its first time and after its last.
-pub fn piecewise<T>(times: &[f64], values: &[T], t: f64) -> (T, T)
-where
-    T: Copy + std::ops::Sub<Output = T> + Add<Output = T> + Mul<f64, Output = T>,
-{
-    // A time within rounding of a kink counts as the kink.
-    let after = times.iter().filter(|&&time| time <= t * (1.0 + 1e-12)).count();
-    if after == 0 || after == times.len() {
-        let value = values[after.saturating_sub(1)];
-        return (value, value * 0.0);
-    }
-    let slope = (values[after] - values[after - 1]) * (1.0 / (times[after] - times[after - 1]));
-    (values[after - 1] + slope * (t - times[after - 1]), slope)
-}
 
 /// The force that makes the motion of a scene exact.
 #[derive(Debug)]
@@ -104,6 +51,12 @@ impl Manufactured {
 }
 
 impl Scene {
+    /// The library's system, with the force that makes the motion exact, and its start.
+    pub fn system(self: &Arc<Self>) -> Result<(System, State)> {
+        let (system, state) = self.unforced()?;
+        Ok((system.with_external_force(Manufactured(self.clone())), state))
+    }
+
     /// `T_el`, `∂T/∂l` and `∂T/∂t` of a spring.
     fn tension(&self, number: usize, l: f64, t: f64) -> [f64; 3] {
         let spring = self.springs[number];

@@ -1,6 +1,6 @@
 //! Scenes that turn and stretch along chosen motions.
 
-use super::motion::{Jet, Manufactured, piecewise};
+use super::jet::{Jet, piecewise};
 use nalgebra::Vector3;
 use sprung::spring::{SpringLaw, Tension};
 use sprung::system::{Actuation, Axes, Behaviour, Curve, Loads};
@@ -41,6 +41,31 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// The library's system, without the force that makes the motion exact, and its start.
+    pub fn unforced(&self) -> Result<(System, State)> {
+        let mut builder = SystemBuilder { dimension: self.dimension, ..SystemBuilder::new() };
+        let start = self.state(0.0);
+        for ((x, v), &mass) in start.positions.iter().zip(&start.velocities).zip(&self.masses) {
+            let particle = builder.particle([x.x, x.y, x.z], mass);
+            builder.velocities[particle] = *v;
+        }
+        for (&[i, j], &spring) in self.pairs.iter().zip(&self.springs) {
+            builder.spring(i, j, spring);
+        }
+        builder.constraints = self.constraints.clone();
+        let (system, state) = builder.build()?;
+        let loads = Loads { forces: self.forces.clone(), drag: self.drag.clone(), gravity: Some(self.gravity.clone()) };
+        let mut system = system.with_loads(loads)?;
+        match self.law {
+            Law::Cubic => system = system.with_spring_law(Cubic),
+            Law::Linear => {
+                system =
+                    system.with_behaviour(Behaviour { actuation: self.actuation.clone(), ..Behaviour::default() })?
+            }
+        }
+        Ok((system, state))
+    }
+
     /// Position, velocity, acceleration and jerk of every particle; prescribed coordinates follow their constraints.
     pub fn motion(&self, t: f64) -> Vec<[Vector3<f64>; 4]> {
         let at = |t: f64, place: &Vector3<f64>| {
@@ -71,31 +96,6 @@ impl Scene {
     pub fn state(&self, t: f64) -> State {
         let (positions, velocities) = self.motion(t).into_iter().map(|[x, v, ..]| (x, v)).unzip();
         State { time: t, positions, velocities }
-    }
-
-    /// The library's system, with the force that makes the motion exact, and its start.
-    pub fn system(self: &Arc<Self>) -> Result<(System, State)> {
-        let mut builder = SystemBuilder { dimension: self.dimension, ..SystemBuilder::new() };
-        let start = self.state(0.0);
-        for ((x, v), &mass) in start.positions.iter().zip(&start.velocities).zip(&self.masses) {
-            let particle = builder.particle([x.x, x.y, x.z], mass);
-            builder.velocities[particle] = *v;
-        }
-        for (&[i, j], &spring) in self.pairs.iter().zip(&self.springs) {
-            builder.spring(i, j, spring);
-        }
-        builder.constraints = self.constraints.clone();
-        let (system, state) = builder.build()?;
-        let loads = Loads { forces: self.forces.clone(), drag: self.drag.clone(), gravity: Some(self.gravity.clone()) };
-        let mut system = system.with_loads(loads)?;
-        match self.law {
-            Law::Cubic => system = system.with_spring_law(Cubic),
-            Law::Linear => {
-                system =
-                    system.with_behaviour(Behaviour { actuation: self.actuation.clone(), ..Behaviour::default() })?
-            }
-        }
-        Ok((system.with_external_force(Manufactured(self.clone())), state))
     }
 
     /// Masses, springs, drag and loads that differ from particle to particle.

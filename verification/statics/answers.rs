@@ -1,5 +1,6 @@
 //! Closed forms.
 
+use super::code_aster::chain_of_eight;
 use super::mechanics::Model;
 use super::{Section, caught, code_aster, list};
 use nalgebra::{Complex, DMatrix, DVector, Vector3};
@@ -148,19 +149,6 @@ pub fn two_bars(height: f64, beyond: f64, steps: usize) -> sprung::Result<(f64, 
     let is_one = path.critical.len() == 1 && path.critical[0].kind == CriticalKind::LimitPoint;
     let factor = path.critical.first().map_or(f64::NAN, |critical| critical.factor);
     Ok(((factor * beyond - 1.0).abs(), is_one))
-}
-
-/// Eight masses of 10 kg and nine springs of 1e5 N/m between two walls, with dampers in N·s/m: code_aster, SDLD02.
-pub fn chain_of_eight(dampers: [f64; 9]) -> sprung::Result<(System, State)> {
-    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-    for p in 0..10 {
-        builder.particle([f64::from(p), 0.0, 0.0], 10.0);
-    }
-    for (p, damping) in dampers.into_iter().enumerate() {
-        builder.spring(p, p + 1, Spring { stiffness: 1e5, rest_length: 1.0, damping });
-    }
-    builder.hold(0).hold(9);
-    builder.build()
 }
 
 /// As published, in Hz.

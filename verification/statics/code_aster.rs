@@ -2,12 +2,25 @@
 //! validation suite of code_aster holds them: reference values of `astest/sdld21a.comm`, `sdld23a.comm` and `sdld27a.comm` (EDF R&D, 2017
 //! and 2019).
 
-use super::answers::chain_of_eight;
 use super::caught;
 use nalgebra::DMatrix;
 use sprung::modes::modes;
+use sprung::{Spring, State, System, SystemBuilder};
 use std::f64::consts::TAU;
 use std::fmt::Write;
+
+/// Eight masses of 10 kg and nine springs of 1e5 N/m between two walls, with dampers in N·s/m: code_aster, SDLD02.
+pub fn chain_of_eight(dampers: [f64; 9]) -> sprung::Result<(System, State)> {
+    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+    for p in 0..10 {
+        builder.particle([f64::from(p), 0.0, 0.0], 10.0);
+    }
+    for (p, damping) in dampers.into_iter().enumerate() {
+        builder.spring(p, p + 1, Spring { stiffness: 1e5, rest_length: 1.0, damping });
+    }
+    builder.hold(0).hold(9);
+    builder.build()
+}
 
 /// SDLD21: dampers of 50 N·s/m; the displacement of the fourth mass in m under 1 N on it, `u e^{iωt}`, at frequencies in Hz. Five digits.
 const RESPONSE: [[f64; 3]; 18] = [
