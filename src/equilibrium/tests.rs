@@ -87,6 +87,20 @@ fn equilibria_without_a_factorization_are_the_same() {
     }
 }
 
+/// An option takes the place of −K without a factorization too: `axial` lacks the transverse terms, and converges linearly.
+#[cfg(feature = "scene")]
+#[test]
+fn options_are_taken_without_a_factorization() {
+    let (system, state) = crate::scene::builtin(crate::scene::Kind::Lattice, 5).unwrap().build().unwrap();
+    let iterations = [StiffnessPolicy::OnDemand, Stiffness::Axial.into()].map(|stiffness| {
+        let options = EquilibriumOptions { stiffness, iterations: 200, ..EquilibriumOptions::default() };
+        let mut search = Search::new(&system, &state, options).unwrap();
+        search.solver = Solver::iterative(&system).unwrap();
+        search.run().unwrap().iterations
+    });
+    assert!(iterations[0] < iterations[1], "{iterations:?}");
+}
+
 /// A matrix is factored where that is cheaper than conjugate gradients.
 #[cfg(feature = "scene")]
 #[test]
