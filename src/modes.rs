@@ -23,7 +23,7 @@ use crate::eigen::{Accuracy, BlockLanczos, Eigenpair, End, Pencil, Search, Shift
 use crate::error::{Error, Invalid, Result, check_length};
 use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
 use crate::integrate::Matrices;
-use crate::linear::{Ldlt, dot};
+use crate::linear::{CostModel, FactorSize, Ldlt, PreconditionerKind, dot};
 use crate::memory;
 use crate::multigrid::Multigrid;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
@@ -39,8 +39,8 @@ use std::f64::consts::TAU;
 /// An eigenvalue counts as zero up to this part of ‖M⁻¹K‖: some units in the last place of the sums in K and in `φᵀKφ`.
 const ZERO: f64 = 32.0 * f64::EPSILON;
 
-/// Degrees of freedom up to which matrices are factored, where the factor fits the memory; beyond, modes are found by multigrid and not counted.
-const FACTORED: usize = 500_000;
+/// Iterations with multigrid that a factorization may cost, because it counts: some ten times what a search without one takes.
+const WORTH_COUNTING: f64 = 1e4;
 
 /// Zero modes that are computed at most.
 const ZEROS: usize = 1000;
@@ -159,8 +159,13 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         return Ok(result);
     }
     let masses = &result.masses;
-    let factorization = if order > FACTORED { None } else { Ldlt::analyse(stiffness.pattern(), Par::rayon(0)).ok() };
-    let Some(mut factorization) = factorization else {
+    let costs = CostModel::of(system);
+    let most = WORTH_COUNTING * costs.iteration(PreconditionerKind::Multigrid);
+    let is_worth = |size: FactorSize, bytes: u64| {
+        costs.factorization(size) <= most && memory::ensure(bytes, "a factorization").is_ok()
+    };
+    let plan = Ldlt::plan_if(stiffness.pattern(), Par::rayon(0), is_worth);
+    let Some(mut factorization) = plan.and_then(|plan| plan.allocate().ok()) else {
         let wanted = (count + rigid_motions).min(order);
         let pairs = uncounted(system, state, &stiffness, masses, &rigid, wanted, &mut work)?;
         (result.complete, result.proven, result.counted_below) = (false, false, f64::NAN);

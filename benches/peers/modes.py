@@ -3,10 +3,10 @@
 
     benches/peers/modes.py proteins FOLDER [NAME ...]
     benches/peers/modes.py planted
-    benches/peers/modes.py large
+    benches/peers/modes.py large [NAME ...]
 
 Needs the command sprung (`cargo build --release`; another than that in target/release by SPRUNG=FILE) and numpy, scipy, prody and the Python
-package of this repository. FOLDER holds pdb1ubi.pdb, mmcif_3o21.cif and pdb4v8r_h36.pdb, which are among the data of ProDy's
+package of this repository; SLEPC_PYTHON may name a Python with slepc4py and scipy. FOLDER holds pdb1ubi.pdb, mmcif_3o21.cif and pdb4v8r_h36.pdb, which are among the data of ProDy's
 own tests (in its source distribution, prody/tests/datafiles). Results go to docs/performance/modes.json, and tables made of them to
 docs/performance/modes.md.
 
@@ -39,6 +39,7 @@ PEERS = {
     "python": "`sprung.modes`",
     "zero": "scipy `eigsh`, `sigma=0`",
     "negative": "scipy `eigsh`, `sigma=-0.01`",
+    "slepc": "SLEPc, shift-invert at -0.01 with MUMPS",
     "smallest": "scipy `eigsh`, `which='SA'`",
     "prody": "ProDy, dense",
     "prody-sparse": "ProDy, sparse",
@@ -50,7 +51,13 @@ PEERS = {
 
 def example():
     import runpy
+    import types
 
+    # The Python of SLEPc need not have this package: the matrix of the model is made without.
+    try:
+        import sprung  # noqa: F401
+    except ImportError:
+        sys.modules["sprung"] = types.ModuleType("sprung")
     return runpy.run_path(str(ROOT / "python/examples/elastic_network.py"))
 
 
@@ -86,7 +93,9 @@ def peer(name, coordinates):
         values = np.concatenate([np.zeros(found.zero_modes), found.eigenvalues])
         print(json.dumps({"values": values.tolist(), "complete": found.complete}))
         return
-    if name.startswith("prody"):
+    if name == "slepc":
+        values = slepc(x)
+    elif name.startswith("prody"):
         import prody
 
         prody.confProDy(verbosity="none")
@@ -103,6 +112,33 @@ def peer(name, coordinates):
         values, vectors = eigsh(hessian, k=COUNT + 6, **how)
         values = np.sort(values)
     print(json.dumps({"values": values.tolist()}))
+
+
+def slepc(x):
+    import numpy as np
+    import slepc4py
+    from scipy.spatial import cKDTree
+
+    slepc4py.init([])
+    from petsc4py import PETSc
+    from slepc4py import SLEPc
+
+    hessian = example()["hessian"](x, cKDTree(x).query_pairs(15.0, output_type="ndarray")).tocsr()
+    matrix = PETSc.Mat().createAIJ(hessian.shape, csr=(hessian.indptr, hessian.indices, hessian.data))
+    solver = SLEPc.EPS().create()
+    solver.setOperators(matrix)
+    solver.setProblemType(SLEPc.EPS.ProblemType.HEP)
+    solver.setDimensions(COUNT + 6)
+    solver.setTarget(-0.01)
+    solver.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+    transform = solver.getST()
+    transform.setType(SLEPc.ST.Type.SINVERT)
+    transform.getKSP().setType(PETSc.KSP.Type.PREONLY)
+    transform.getKSP().getPC().setType(PETSc.PC.Type.CHOLESKY)
+    transform.getKSP().getPC().setFactorSolverType("mumps")
+    solver.solve()
+    values = [solver.getEigenvalue(k).real for k in range(min(solver.getConverged(), COUNT + 6))]
+    return np.sort(values)
 
 
 # Measuring.
@@ -133,7 +169,8 @@ def run(arguments, threads, limit=LIMIT, memory=MEMORY):
 
 
 def own(*arguments):
-    return [sys.executable, __file__, *map(str, arguments)]
+    python = os.environ["SLEPC_PYTHON"] if "slepc" in arguments else sys.executable
+    return [python, __file__, *map(str, arguments)]
 
 
 def middle(runs):
@@ -155,6 +192,8 @@ def proteins(folder, *names):
             is_long = size["residues"] > 5000
             # What fails by the limits comes early, and the two of this library next to each other.
             for which in [*list(PEERS)[3:], "zero", "python", "command"]:
+                if which == "slepc" and "SLEPC_PYTHON" not in os.environ:
+                    continue
                 for threads in (2, 1):
                     # Once each: what takes minutes has one thread, and a shift of zero takes as long as another.
                     if is_long and which not in ("command", "python") and (threads == 2 or which == "zero"):
@@ -186,23 +225,40 @@ def proteins(folder, *names):
     return {"date": str(date.today()), "scenes": results}
 
 
-def large():
+LARGE = {"cloth in a frame, 577²": ("framed", "cloth", 577), "free lattice, 69³": ("release", "lattice", 69)}
+
+
+def large(*names):
     results = []
     with tempfile.TemporaryDirectory() as scratch:
-        for name, kind, size in (("hung cloth", "cloth", 577), ("free lattice", "lattice", 69)):
+        for name in names or LARGE:
+            change, kind, size = LARGE[name]
             scene = f"{scratch}/{kind}.npz"
             subprocess.run([SPRUNG, "new", kind, "--size", str(size), "-q", "-o", scene], check=True)
-            if kind == "lattice":
-                subprocess.run(own("release", scene), check=True)
+            subprocess.run(own(change, scene), check=True)
             state = ["--at", "equilibrium"] if kind == "cloth" else []
             arguments = [SPRUNG, "modes", scene, "-n", "5", "--json", *state, "--out", f"{scratch}/out"]
             text, figures = run(arguments, 2, limit=1800, memory=20 << 30)
             if not figures.get("failed"):
                 found = json.loads(text)
                 figures |= {key: found[key] for key in ("zero_modes", "rigid_motions", "eigenvalues", "residuals", "complete")}
-            results.append({"name": f"{name}, {size}{'²' if kind == 'cloth' else '³'}", **figures})
+            results.append({"name": name, **figures})
             print(results[-1], flush=True)
     return {"date": str(date.today()), "scenes": results}
+
+
+def framed(scene):
+    """The cloth held along its edge, with rest lengths 2 % shorter: it sags under its weight."""
+    import numpy as np
+    import sprung
+
+    cloth = sprung.System.load(scene)
+    start, side = cloth.initial_state(), round(len(cloth.masses) ** 0.5)
+    row, column = np.divmod(np.arange(side**2), side)
+    edge = np.flatnonzero((row % (side - 1) == 0) | (column % (side - 1) == 0))
+    springs = {"stiffness": cloth.stiffness, "rest_lengths": 0.98 * cloth.rest_lengths, "damping": cloth.damping}
+    frame = [sprung.Constraint(edge.tolist())]
+    sprung.System(start.positions, cloth.pairs, masses=cloth.masses, gravity=cloth.gravity, constraints=frame, name="cloth in a frame", **springs).save(scene)
 
 
 def release(scene):
@@ -418,8 +474,8 @@ def page(results):
 
 
 def main(what, *arguments):
-    if what in ("prepare", "truth", "peer", "release"):
-        return {"prepare": prepare, "truth": truth, "peer": peer, "release": release}[what](*arguments)
+    if what in (parts := {"prepare": prepare, "truth": truth, "peer": peer, "release": release, "framed": framed}):
+        return parts[what](*arguments)
     if what == "planted-child":
         return planted()
     results = json.loads(DATA.read_text()) if DATA.exists() else {}
@@ -436,9 +492,10 @@ def main(what, *arguments):
         kept = {scene["name"]: scene for scene in results.get("proteins", {}).get("scenes", [])} | {scene["name"]: scene for scene in new["scenes"]}
         results["proteins"] = {"date": new["date"], "scenes": [kept[name] for name in PROTEINS if name in kept]}
     elif what == "large":
-        new = large()
+        new = large(*arguments)
         results = json.loads(DATA.read_text()) if DATA.exists() else {}
-        results["large"] = new
+        kept = {scene["name"]: scene for scene in results.get("large", {}).get("scenes", [])} | {scene["name"]: scene for scene in new["scenes"]}
+        results["large"] = {"date": new["date"], "scenes": [kept[name] for name in LARGE if name in kept]}
     elif what != "page":
         sys.exit(__doc__)
     DATA.write_text(json.dumps(results, indent=1) + "\n")
