@@ -5,9 +5,12 @@
 //! cargo xtask ready --write            # ten sizes of each kind
 //! cargo xtask ready --largest 8        # those of at most this size
 //! ```
+//!
+//! Every scene is recorded when it is done; `--resume` goes on from there, and the page is about all that are recorded.
 
 use clap::Parser;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use sprung::accuracy::{AccuracyOptions, Configuration, SpectralRadius, StepControl, Verdict, relative_position_error};
 use sprung::accuracy::{run_to_accuracy, trial};
 use sprung::integrate::{ImplicitOptions, Method, Status};
@@ -15,7 +18,9 @@ use sprung::scene::{Kind, builtin};
 use sprung::{State, System};
 use std::error::Error;
 use std::fmt::Write;
-use std::path::Path;
+use std::fs::OpenOptions;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
 
 /// Answers on ready scenes against references by two methods.
 #[derive(Parser)]
@@ -36,9 +41,17 @@ struct Arguments {
     #[arg(long, value_delimiter = ',', default_value = "0.5,1,2")]
     durations: Vec<f64>,
 
+    /// Goes on with the last table instead of beginning anew
+    #[arg(long)]
+    resume: bool,
+
     /// Writes the page
     #[arg(long)]
     write: bool,
+
+    /// Where scenes are recorded
+    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/../target/ready"))]
+    folder: PathBuf,
 }
 
 const ACCURACIES: [f64; 4] = [1e-1, 1e-2, 1e-3, 1e-4];
@@ -54,7 +67,29 @@ const SCENES: [(Kind, [usize; 10]); 7] = [
     (Kind::Network, [10, 15, 20, 30, 40, 50, 70, 100, 150, 200]),
 ];
 
+/// A scene, its duration over its own, and the answers.
+#[derive(Serialize, Deserialize)]
+struct Record {
+    kind: String,
+    size: usize,
+    times: f64,
+    answers: Vec<Answered>,
+}
+
+impl Record {
+    fn is_of(&self, kind: Kind, size: usize, times: f64) -> bool {
+        self.kind == kind.name() && (self.size, self.times) == (size, times)
+    }
+
+    /// The place of its kind in the table, its size and its duration.
+    fn place(&self) -> (usize, usize, f64) {
+        let place = SCENES.iter().position(|(kind, _)| kind.name() == self.kind).unwrap_or(SCENES.len());
+        (place, self.size, self.times)
+    }
+}
+
 /// An answer beside the references.
+#[derive(Serialize, Deserialize)]
 struct Answered {
     scene: String,
     duration: f64,
@@ -64,7 +99,7 @@ struct Answered {
     is_confirmed: bool,
     estimate: Option<f64>,
     error: f64,
-    method: &'static str,
+    method: String,
     until: Option<f64>,
 }
 
@@ -146,7 +181,7 @@ fn answers(kind: Kind, size: usize, times: f64) -> Result<Vec<Answered>, String>
             is_confirmed: found.verdict == Verdict::Confirmed,
             estimate: found.estimated_error,
             error: relative_position_error(&found.state.positions, &explicit.positions, &start.positions),
-            method: found.configuration.method.name(),
+            method: found.configuration.method.name().into(),
             until: found.predictable_until,
         });
     }
@@ -174,26 +209,52 @@ fn main() -> Result<(), Box<dyn Error>> {
         })
         .flat_map(|(kind, size)| arguments.durations.iter().map(move |times| (kind, size, *times)))
         .collect();
-    let made = jobs.par_iter().with_max_len(1).map(|&(kind, size, times)| {
-        let answers = answers(kind, size, times);
-        if let Ok(answers) = &answers {
-            answers.iter().for_each(|answer| eprint!("{}", row(answer)));
-        }
-        answers
+    std::fs::create_dir_all(&arguments.folder)?;
+    let file = arguments.folder.join("records.jsonl");
+    let mut records: Vec<Record> = match std::fs::read_to_string(&file) {
+        Ok(text) if arguments.resume => text.lines().map(serde_json::from_str).collect::<Result<_, _>>()?,
+        _ => Vec::new(),
+    };
+    let mut options = OpenOptions::new();
+    let options = if arguments.resume { options.append(true) } else { options.write(true).truncate(true) };
+    let file = std::sync::Mutex::new(options.create(true).open(file)?);
+    let left = jobs.par_iter().filter(|&&(kind, size, times)| !records.iter().any(|r| r.is_of(kind, size, times)));
+    let made = left.map(|&(kind, size, times)| {
+        let answers = answers(kind, size, times)?;
+        answers.iter().for_each(|answer| eprint!("{}", row(answer)));
+        let record = Record { kind: kind.name().into(), size, times, answers };
+        let line = serde_json::to_string(&record).map_err(|error| error.to_string())?;
+        let mut file = file.lock().map_err(|error| error.to_string())?;
+        writeln!(file, "{line}").map_err(|error| error.to_string())?;
+        Ok(record)
     });
-    let all: Vec<Answered> = made.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
+    let made = made.collect::<Result<Vec<_>, String>>()?;
+    records.extend(made);
+    records.sort_by(|a, b| a.place().partial_cmp(&b.place()).unwrap_or(std::cmp::Ordering::Equal));
+    let contents: Vec<String> = SCENES
+        .iter()
+        .map(|(kind, sizes)| {
+            let times = |size| records.iter().filter(|r| r.kind == kind.name() && r.size == size).count();
+            let (done, open): (Vec<_>, Vec<_>) =
+                sizes.iter().partition(|&&size| times(size) >= arguments.durations.len());
+            let of = |sizes: Vec<&usize>| sizes.iter().map(|size| size.to_string()).collect::<Vec<_>>().join(", ");
+            let missing = if open.is_empty() { String::new() } else { format!(" (not all durations of {})", of(open)) };
+            format!("{} {}{missing}", kind.name(), of(done))
+        })
+        .collect();
+    let scenes = records.len();
+    let all: Vec<Answered> = records.into_iter().flat_map(|record| record.answers).collect();
     const HEADER: &str = "| scene | duration, s | R | references differ by | method | verdict | estimate | error | predictable until, s |\n|---|---|---|---|---|---|---|---|---|\n";
     let table = |title: &str, of: &dyn Fn(&&Answered) -> bool| {
         let rows: String = all.iter().filter(of).map(row).collect();
         if rows.is_empty() { format!("## {title}\n\nNone.\n\n") } else { format!("## {title}\n\n{HEADER}{rows}\n") }
     };
     let mut page = format!(
-        "# Ready scenes\n\nMade by `cargo xtask ready{} --write`: answers of `--accuracy` on {} ready scenes and durations (the scenes' own, times {}). References are runs of \
-         DOP853 with `rtol = 1e-12` and of RODAS4 with `rtol = 1e-9`, or 1e-11 where these differ by more than 1e-5, beyond {MANY} degrees of freedom of Verlet's method, extrapolated; errors are relative position errors against the first.\n\n\
+        "# Ready scenes\n\nMade by `cargo xtask ready --write`: answers of `--accuracy` on {scenes} ready scenes and durations (the scenes' own, times {}). References are runs of \
+         DOP853 with `rtol = 1e-12` and of RODAS4 with `rtol = 1e-9`, or 1e-11 where these differ by more than 1e-5, beyond {MANY} degrees of freedom of Verlet's method, extrapolated; errors are relative position errors against the first. Sizes: {}.\n\n\
          | R | answers | confirmed | broken promises | unconfirmed | of these needlessly |\n|---|---|---|---|---|---|\n",
-        if arguments.largest < usize::MAX { format!(" --largest {}", arguments.largest) } else { String::new() },
-        jobs.len(),
         arguments.durations.iter().map(f64::to_string).collect::<Vec<_>>().join(", "),
+        contents.join("; "),
     );
     for accuracy in ACCURACIES {
         let of = |what: &dyn Fn(&&Answered) -> bool| all.iter().filter(|a| a.accuracy == accuracy).filter(what).count();
