@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Normal modes beside scipy's and ProDy's: elastic networks of proteins, planted scenes, and scenes of a million degrees of freedom.
+"""Normal modes beside those of scipy, SLEPc and ProDy: elastic networks of proteins, planted scenes, and scenes of a million degrees of freedom.
 
     benches/peers/modes.py proteins FOLDER [NAME ...]
     benches/peers/modes.py planted
@@ -20,6 +20,7 @@ import json
 import os
 import re
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -164,7 +165,7 @@ def run(arguments, threads, limit=LIMIT, memory=MEMORY):
         text, complaint = out.read(), errors.read().strip().splitlines()[-1:]
     measured = {"wall": wall, "cpu": usage.ru_utime + usage.ru_stime, "memory": usage.ru_maxrss * 1024}
     if child.returncode:
-        measured["failed"] = "time" if measured["cpu"] > 0.95 * limit else "".join(complaint) or f"status {child.returncode}"
+        measured["failed"] = "time" if child.returncode in (-signal.SIGKILL, -signal.SIGXCPU) else "".join(complaint) or f"status {child.returncode}"
     return text, measured
 
 
@@ -499,7 +500,7 @@ def main(what, *arguments):
     elif what != "page":
         sys.exit(__doc__)
     DATA.write_text(json.dumps(results, indent=1) + "\n")
-    before = PAGE.read_text().partition(MARK)[0] if PAGE.exists() else "# Normal modes beside scipy and ProDy\n\n"
+    before = PAGE.read_text().partition(MARK)[0] if PAGE.exists() else "# Normal modes beside scipy, SLEPc and ProDy\n\n"
     PAGE.write_text(before + MARK + re.sub(r" +\n", "\n", page(results)))
 
 
