@@ -28,7 +28,7 @@ const TILES: [&str; 9] = [
 ];
 
 /// The end of the page: pictures that another program makes.
-const PEERS: &str = "\n## Communicator\n\nThis crate's methods beside integrators of other libraries, by time; `benches/peers` makes these and says what they show.\n\n\
+const PEERS: &str = "\n## Other programs\n\nThis crate's methods beside integrators of other libraries, by time; `benches/peers` makes these and says what they show.\n\n\
     ![This crate and its peers: stiff pendulum](peers-stiff-pendulum.svg)\n\
     ![This crate and its peers: moving anchor](peers-moving-anchor.svg)\n\
     ![This crate and its peers: tetrahedron](peers-tetrahedron.svg)\n\

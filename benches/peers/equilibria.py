@@ -12,6 +12,7 @@ law of a spring; residuals and, up to 1500 degrees of freedom, the lowest eigenv
 
 import json
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -58,6 +59,9 @@ class Energy:
         particles, axes = np.asarray(system.dofs).T
         self.free = 3 * particles + axes
         self.start = self.x.ravel()[self.free]
+        self.acting = 0.0
+        self.gradient(self.start)
+        self.acting = self.acts
 
     def springs(self, u):
         x = self.x.ravel().copy()
@@ -79,7 +83,8 @@ class Energy:
     def gradient(self, u):
         _, d, length = self.springs(u)
         tension = self.k * (length / self.l0 - 1)
-        self.acting = max(abs(tension).max(), np.linalg.norm(self.weight, axis=1).max())
+        # A spring at rest has some roundings of tension.
+        self.acts = max(abs(tension).max(), np.linalg.norm(self.weight, axis=1).max(), 1e-9 * self.k.max())
         return (self.summed((tension / length)[:, None] * d) - self.weight).ravel()[self.free]
 
     def product(self, u, p):
@@ -94,7 +99,9 @@ class Energy:
         return self.summed(axial[:, None] * along + transverse[:, None] * (change - along)).ravel()[self.free]
 
     def residual(self, u):
-        return abs(self.gradient(u)).max() / self.acting
+        """The largest force left over the largest that acts, at the start or here."""
+        left = abs(self.gradient(u)).max()
+        return left / max(self.acts, self.acting) if left else 0.0
 
     def verdict(self, u):
         """The sign of the lowest eigenvalue, to rounding."""
@@ -166,12 +173,12 @@ def by_relaxation(energy):
 def own(scene, option):
     """The command: Newton steps and factorizations, to 1e-10."""
     with tempfile.TemporaryDirectory() as out:
-        before = os.times()
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         run = subprocess.run([SPRUNG, "equilibrium", scene, "--stiffness", option, "--json", "--threads", "1", "--out", out], capture_output=True, text=True)
-        after = os.times()
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
         found = json.loads(run.stdout)
         positions = np.array(json.loads((Path(out) / "equilibrium.json").read_text())["positions"])
-    seconds = after.children_user + after.children_system - before.children_user - before.children_system
+    seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return found, positions, seconds
 
 
@@ -179,7 +186,9 @@ def compare(name, scene):
     system = sprung.System.load(scene)
     energy = Energy(system)
     np.seterr(all="ignore")
-    row = {"name": name, "particles": len(energy.x)}
+    if energy.residual(energy.start) <= TOLERANCE:
+        return None
+    row = {"name": name, "particles": len(energy.x), "start": energy.value(energy.start)}
     for option in OPTIONS:
         found, positions, seconds = own(scene, option)
         u = in_space(positions).ravel()[energy.free]
@@ -238,7 +247,7 @@ def page(rows):
             return f"{of['residual']:.0e} after {of['steps']}" if np.isfinite(of["residual"]) else "diverged"
         count = f"{of['steps']} ({of['factorizations']})" if who in OPTIONS else f"{of['steps']}"
         lowest = min(row[w]["energy"] for w in [*OPTIONS, *PEERS] if converged(row[w]))
-        higher = of["energy"] > lowest + 1e-6 * abs(lowest)
+        higher = of["energy"] > lowest + 1e-6 * (row["start"] - lowest)
         return count + (" saddle" if of["verdict"] == "saddle" else "") + (" ↑" if higher else "")
 
     for row in rows:

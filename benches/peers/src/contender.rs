@@ -89,7 +89,7 @@ impl Contender {
     /// Runs with smaller and smaller tolerances or steps, as long as the reference can tell their errors and they are not too long. The
     /// shortest time to the smallest error that anybody needed so far is known, or not yet.
     pub fn climb(&self, task: &Task<'_>, fastest: Option<f64>) -> Curve {
-        let side = if matches!(self, Self::Peer(_)) { Side::Communicator } else { Side::Ours };
+        let side = if matches!(self, Self::Peer(_)) { Side::Peer } else { Side::Ours };
         let mut curve = Curve { name: self.name(), side, look: self.look(), runs: Vec::new() };
         let least = ACCURACIES.into_iter().fold(f64::INFINITY, f64::min);
         let floor = (BELOW * least).max(3.0 * task.reference.error_estimate);

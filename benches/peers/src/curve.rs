@@ -9,7 +9,7 @@ pub const ACCURACIES: [f64; 8] = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8
 #[derive(Clone, Copy, PartialEq)]
 pub enum Side {
     Ours,
-    Communicator,
+    Peer,
 }
 
 /// A measured run.

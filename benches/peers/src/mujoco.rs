@@ -37,7 +37,7 @@ impl Measured {
     pub fn curves(&self, scene: &str) -> Vec<Curve> {
         let curve = |(method, points): (&String, &Vec<Point>)| Curve {
             name: format!("MuJoCo {method}"),
-            side: Side::Communicator,
+            side: Side::Peer,
             look: look(method),
             runs: points.iter().map(|&(seconds, error)| Run { seconds, outcome: error.ok_or(FAILED.into()) }).collect(),
         };

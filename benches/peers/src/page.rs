@@ -47,7 +47,7 @@ pub fn picture(scene: &str, curves: &[Curve], floor: f64) -> Plot {
         times.is_some_and(|(own, (_, shortest))| own < NEAR * shortest)
     };
     let is_drawn =
-        |curve: &&Curve| curve.side == Side::Communicator || ACCURACIES.iter().any(|&accuracy| is_near(curve, accuracy));
+        |curve: &&Curve| curve.side == Side::Peer || ACCURACIES.iter().any(|&accuracy| is_near(curve, accuracy));
     for curve in curves.iter().filter(is_drawn) {
         let front = curve.front();
         if !front.is_empty() {
@@ -59,7 +59,7 @@ pub fn picture(scene: &str, curves: &[Curve], floor: f64) -> Plot {
 
 /// Who is fastest for few and for many digits, on both sides.
 fn conclusion(curves: &[Curve]) -> String {
-    let below = |accuracy: f64| match (fastest(curves, Side::Ours, accuracy), fastest(curves, Side::Communicator, accuracy)) {
+    let below = |accuracy: f64| match (fastest(curves, Side::Ours, accuracy), fastest(curves, Side::Peer, accuracy)) {
         (Some((ours, time)), Some((peer, other))) => {
             format!("{ours} in {:.2} of the time of {peer}", time / other)
         }

@@ -29,7 +29,7 @@ impl Measured {
     /// Where a method is not there.
     fn duels_without(&self, name: &str) -> [Duel<'_>; ACCURACIES.len()] {
         let find = |side, accuracy| fastest(self.curves.iter().filter(|curve| curve.name != name), side, accuracy);
-        ACCURACIES.map(|accuracy| Duel { ours: find(Side::Ours, accuracy), peer: find(Side::Communicator, accuracy) })
+        ACCURACIES.map(|accuracy| Duel { ours: find(Side::Ours, accuracy), peer: find(Side::Peer, accuracy) })
     }
 
     fn is_even(&self) -> bool {
@@ -113,14 +113,14 @@ mod tests {
     #[test]
     fn a_scene_is_won_at_every_error_or_not() {
         let mut curves =
-            vec![curve("a", Side::Ours, &[(1.0, 0.05), (5.0, 1e-9)]), curve("b", Side::Communicator, &[(4.0, 1e-9)])];
+            vec![curve("a", Side::Ours, &[(1.0, 0.05), (5.0, 1e-9)]), curve("b", Side::Peer, &[(4.0, 1e-9)])];
         let measured = Measured { scene: "s".into(), curves };
         assert!(measured.is_even());
         let mut page = String::new();
         write(&mut page, std::slice::from_ref(&measured)).unwrap();
         assert!(page.contains("on 1 of 1 scenes") && page.contains("| s | 0.25 | 1.25 |"), "{page}");
         curves = measured.curves;
-        curves.push(curve("c", Side::Communicator, &[(0.7, 0.05)]));
+        curves.push(curve("c", Side::Peer, &[(0.7, 0.05)]));
         assert!(!Measured { scene: "s".into(), curves }.is_even());
     }
 
@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn errors_that_one_side_does_not_reach() {
         let ours = || curve("a", Side::Ours, &[(1.0, 1e-9)]);
-        let peer = |error| curve("b", Side::Communicator, &[(2.0, error)]);
+        let peer = |error| curve("b", Side::Peer, &[(2.0, error)]);
         let even = |curves| Measured { scene: String::new(), curves }.is_even();
         assert!(even(vec![ours(), peer(1e-3)]) && !even(vec![peer(1e-9)]) && !even(Vec::new()));
     }
