@@ -2,7 +2,7 @@
 
 use super::Stop;
 use super::common::{LoadedScene, claim};
-use super::console::{Console, warning};
+use super::console::{Console, PARTS, warning};
 use super::files::{FILES, Files, Recorder};
 use super::summary::SummaryText;
 use super::threads::{end_in_order, is_interrupted};
@@ -15,9 +15,6 @@ use sprung::{Error, Result, State, System};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tempfile::TempDir;
-
-/// The parts in which the progress bar counts.
-const PARTS: u64 = 1000;
 
 /// The files of a run that may become the answer, in a temporary folder.
 pub struct RecordedRun {

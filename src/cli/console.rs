@@ -10,6 +10,9 @@ use sprung::Error;
 use std::fmt::{self, Display};
 use std::io::{self, Write};
 
+/// The parts in which the progress bar of a share of work counts.
+pub const PARTS: u64 = 1000;
+
 /// The amount and form of output.
 #[derive(Debug, clap::Args)]
 pub struct Console {

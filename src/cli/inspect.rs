@@ -1,7 +1,7 @@
 //! `sprung inspect`: is A positive definite, which springs spoil it, and which step is safe?
 
 use super::common::{At, LoadedScene, SceneFile, advance, choice, claim, positive, whole};
-use super::console::{Console, error, number};
+use super::console::{Console, PARTS, error, number};
 use super::threads::{Threads, end_in_order, is_interrupted};
 use super::{Exit, Stop};
 use faer::Par;
@@ -181,9 +181,6 @@ impl Inspect {
 
 /// The results of an inspection, as far as they are known.
 type Inspected = (Option<Inspection>, Option<Pictures>);
-
-/// The parts in which the progress bar counts.
-const PARTS: u64 = 1000;
 
 fn write(folder: &Path, claimed: &OutputFolder, page: &str, pictures: &Pictures) -> Result<()> {
     AtomicFile::write_text(folder.join("inspect.html"), page)?;

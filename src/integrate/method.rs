@@ -136,12 +136,6 @@ impl Method {
         self.properties().3
     }
 
-    /// True if steps of a given length are cut at the kinks of prescribed paths; other methods take the path between the ends of a step as
-    /// straight.
-    pub const fn cuts_at_kinks(self) -> bool {
-        matches!(self, Self::Verlet | Self::Dop853 | Self::Rodas4)
-    }
-
     /// True if steps estimate their own error, so that there is an [`adaptive_stepper`](Self::adaptive_stepper).
     pub const fn estimates_errors(self) -> bool {
         matches!(self, Self::Bdf2 | Self::W2 | Self::Rodas4 | Self::Dop853)

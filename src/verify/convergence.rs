@@ -11,6 +11,7 @@ use super::TestCase;
 use super::check::{Check, Claim, Measured};
 use super::force_error::U;
 use super::free_coordinates::reduce;
+use super::limits::AFFORDABLE;
 use super::runs::{MethodVariant, direct};
 use crate::figure::{Guide, Plot, Series};
 use crate::linear::norm;
@@ -19,9 +20,6 @@ use crate::system::State;
 /// Steps of the coarsest run, and how often they are halved.
 const STEPS: usize = 8;
 const HALVINGS: usize = 4;
-
-/// Degrees of freedom up to which the many short runs are affordable.
-const AFFORDABLE: usize = 2000;
 
 /// The largest distance of an observed order from theory: the next order's part over two halvings once errors are asymptotic.
 const TOLERANCE: f64 = 0.2;

@@ -3,6 +3,7 @@
 use super::TestCase;
 use super::check::{Check, Claim, Measured, Unfinished};
 use super::force_error::U;
+use super::limits::AFFORDABLE;
 use super::reference::{self, dense_step_matrix};
 use super::runs::{MethodVariant, differences, direct};
 use crate::assembly::SymmetricMatrix;
@@ -11,9 +12,8 @@ use crate::linear::{Cholesky, Ldlt};
 use crate::spring::Stiffness;
 use faer::Par;
 
-/// Degrees of freedom up to which all eigenvalues are computed, and up to which many steps of the same scene are affordable.
+/// Degrees of freedom up to which all eigenvalues are computed.
 const DENSE: usize = 200;
-const AFFORDABLE: usize = 2000;
 
 /// The steps, as multiples of the scene's.
 const FACTORS: [f64; 8] = [0.25, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0];

@@ -17,6 +17,7 @@ use super::TestCase;
 use super::check::{Check, Claim, Measured, ratio, worst};
 use super::convergence;
 use super::force_error::U;
+use super::limits::AFFORDABLE;
 use super::reference::{self, Link};
 use super::runs::{MethodVariant, direct};
 use crate::integrate::{Method, Monitor, MonitorOptions, StiffnessPolicy};
@@ -31,9 +32,6 @@ const BOUND: f64 = 2e-4;
 
 /// The rounding of energies relative to them.
 const ROUNDING: f64 = 100.0 * U;
-
-/// Degrees of freedom up to which the many short steps are affordable.
-const AFFORDABLE: usize = 2000;
 
 pub(super) fn applies(case: &TestCase) -> bool {
     (1..=AFFORDABLE).contains(&case.system.dofs().len()) && !case.system.pairs().is_empty()

@@ -24,6 +24,7 @@ use super::check::{Check, Claim, Measured, Unfinished, ratio, worst};
 use super::convergence::{ErrorCurve, order_checks};
 use super::force_error::U;
 use super::free_coordinates::random_vector;
+use super::limits::AFFORDABLE;
 use super::reference;
 use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
@@ -49,9 +50,6 @@ const HALVINGS: i32 = 4;
 
 /// The part of the forces that Newton's method leaves.
 const NEWTON: f64 = 1e-13;
-
-/// Degrees of freedom up to which every method is run.
-const AFFORDABLE: usize = 2000;
 
 /// A run, the direction along which its parameters change, and the cost.
 struct Subject<'c> {

@@ -10,6 +10,9 @@ use crate::force::Energy;
 use crate::system::Motion;
 use nalgebra::Vector3;
 
+/// Degrees of freedom up to which a scene is run many times.
+pub(super) const AFFORDABLE: usize = 2000;
+
 /// The largest rounding of a spring's coordinates relative to its length: two digits above the square root of u, the accuracy of
 /// differences of forces.
 const COORDINATES: f64 = 1e-9;
