@@ -367,7 +367,8 @@ def _steps(times: ArrayLike | None, steps: ArrayLike | None, dt: float, begin: f
 
 def _covariance(jacobian: Floats, sigma: float) -> tuple[Floats, Floats]:
     """``inv(J.T @ J) * sigma**2`` and standard deviations, infinite for unknowns that J does not determine."""
-    _, values, rows = np.linalg.svd(jacobian, full_matrices=True)
+    # R of J = QR has the singular values and the right singular vectors of J, and is no longer than there are unknowns.
+    _, values, rows = np.linalg.svd(np.linalg.qr(jacobian, mode="r"), full_matrices=True)
     order = jacobian.shape[1]
     padded = np.zeros(order)
     padded[: len(values)] = values
