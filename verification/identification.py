@@ -17,9 +17,9 @@ import numpy as np
 import sprung
 
 SIDE, DT = 23, 0.02
-STEPS = np.arange(5, 61, 5)
+STEPS = np.arange(5, 31, 5)
 #: Standard deviations of a measured coordinate in m, each with a net and a noise of its own.
-NOISE = (1e-4, 1e-3, 1e-2)
+NOISE = (1e-3, 1e-4, 1e-2)
 
 
 def net(side: int, seed: int) -> sprung.System:
