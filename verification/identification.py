@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import datetime
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ import sprung
 SIDE, DT = 23, 0.02
 STEPS = np.arange(5, 31, 5)
 #: Standard deviations of a measured coordinate in m, each with a net and a noise of its own.
-NOISE = (1e-3, 1e-4, 1e-2)
+NOISE = (1e-3,)
 
 
 def net(side: int, seed: int) -> sprung.System:
@@ -52,16 +51,14 @@ def main() -> None:
         "*Standardized* is the root mean square of the errors over their standard errors, and χ²/n the sum of squares of the errors, weighed with the inverse of the",
         "covariance, over their number: both are 1 on average. Beside χ²/n is its standard deviation.",
         "",
-        "| noise, m | springs | measurements | intervals that hold the truth | standardized | χ²/n | median standard error, N | noise found, m | runs | time, s |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        "| noise, m | springs | measurements | intervals that hold the truth | standardized | χ²/n | median standard error, N | noise found, m | runs |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for seed, noise in enumerate(NOISE):
         truth = net(SIDE, seed)
         run = sprung.Stepper(truth, method="implicit-midpoint").run(DT * STEPS[-1], dt=DT, differentiable=True)
         measured = run.positions[STEPS] + noise * np.random.default_rng(100 + seed).normal(size=run.positions[STEPS].shape)
-        begun = time.perf_counter()
         found = sprung.fit(truth.with_springs(stiffness=60.0), measured, steps=STEPS, dt=DT)
-        seconds = time.perf_counter() - begun
         assert found.success, found.message
         error, deviation = found.stiffness - truth.stiffness, found.standard_errors["stiffness"]
         count = len(error)
@@ -69,7 +66,7 @@ def main() -> None:
         squares = error @ np.linalg.solve(found.covariance, error)
         lines.append(
             f"| {noise:g} | {count} | {np.count_nonzero(np.isfinite(found.residual))} | {held} ({100 * held / count:.1f} %) | {np.sqrt(np.mean((error / deviation) ** 2)):.3f} | "
-            f"{squares / count:.3f} ± {np.sqrt(2 / count):.3f} | {np.median(deviation):.2g} | {found.sigma:.4g} | {found.evaluations} | {seconds:.0f} |"
+            f"{squares / count:.3f} ± {np.sqrt(2 / count):.3f} | {np.median(deviation):.2g} | {found.sigma:.4g} | {found.evaluations} |"
         )
         print(lines[-1], flush=True)
     if "--write" in sys.argv:
