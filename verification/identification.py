@@ -18,7 +18,7 @@ import sprung
 SIDE, DT = 23, 0.02
 STEPS = np.arange(5, 31, 5)
 #: Standard deviations of a measured coordinate in m, each with a net and a noise of its own.
-NOISE = (1e-3,)
+NOISE = (1e-3, 1e-4)
 
 
 def net(side: int, seed: int) -> sprung.System:
