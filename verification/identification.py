@@ -46,7 +46,7 @@ def main() -> None:
         "",
         f"Written by `python verification/identification.py --write` on {datetime.date.today()}. A net of {SIDE} × {SIDE} particles is thrown. Its positions after",
         f"{len(STEPS)} of {STEPS[-1]} steps of `implicit-midpoint` of {DT:g} s are recorded, and normal noise is added to every coordinate. `sprung.fit` starts from one stiffness of 60 N for",
-        "all springs, and finds one for each. A spring has 40 to 80 N, and its 95 % interval is the estimate ± 1.96 standard errors.",
+        "all springs, and finds one for each. A spring has 40 to 80 N, and its interval is the estimate ± 1.96 standard errors, which holds the truth in 95 of 100 cases.",
         "",
         "*Standardized* is the root mean square of the errors over their standard errors, and χ²/n the sum of squares of the errors, weighed with the inverse of the",
         "covariance, over their number: both are 1 on average. Beside χ²/n is its standard deviation.",
