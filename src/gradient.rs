@@ -29,9 +29,8 @@ mod tangent;
 pub use parameters::Parameters;
 pub(crate) use parameters::Point;
 
-use self::jacobian::Jacobian;
 use self::reverse::{Reverse, Snapshot, split};
-use self::tangent::Tangent;
+use self::tangent::Tangents;
 use crate::error::{Error, Invalid, Result, check_length};
 use crate::force::{DegenerateSpring, SpringGeometry, set_total_force};
 use crate::integrate::{BackwardEuler, ImplicitOptions, Method, NewtonOptions, StepFailure, TimeStepper};
@@ -278,10 +277,10 @@ impl<'s> DifferentiableRun<'s> {
                 reverse.step(step, before, &self.records[step], &self.records[step + 1])?;
             }
         } else {
-            let mut end = self.steps();
+            let (mut end, mut last) = (self.steps(), &self.records[1]);
             for (taken, snapshot) in self.snapshots.iter().enumerate().rev() {
-                reverse.sweep(snapshot, end, self.checkpoints - taken)?;
-                end = snapshot.step;
+                reverse.sweep(snapshot, end, last, self.checkpoints - taken)?;
+                (end, last) = (snapshot.step, &snapshot.here);
             }
         }
         reverse.finish(&self.records[0])
@@ -323,14 +322,11 @@ impl<'s> DifferentiableRun<'s> {
             }
         }
         let first = &self.records[0];
-        let mut jacobian = Jacobian::new(self.system, &first.state)?;
-        let made = changes.iter().map(|change| Tangent::new(self, change, first, &mut jacobian));
-        let mut tangents = made.collect::<Result<Vec<_>>>()?;
+        let mut tangents = Tangents::new(self, changes, first)?;
         let mut found = vec![Vec::with_capacity(steps.len()); changes.len()];
-        let record = |found: &mut Vec<Vec<_>>, tangents: &[Tangent<'_, 's>], step| {
+        let record = |found: &mut Vec<Vec<_>>, tangents: &Tangents<'_, 's>, step| {
             if steps.contains(&step) {
-                let states = tangents.iter().map(|tangent| [tangent.positions.clone(), tangent.velocities.clone()]);
-                found.iter_mut().zip(states).for_each(|(found, state)| found.push(state));
+                found.iter_mut().zip(tangents.states()).for_each(|(found, state)| found.push(state.clone()));
             }
         };
         record(&mut found, &tangents, 0);
@@ -350,9 +346,7 @@ impl<'s> DifferentiableRun<'s> {
                     (earlier.as_ref(), forward.before.as_ref().unwrap_or(first), &forward.here)
                 }
             };
-            for (number, tangent) in tangents.iter_mut().enumerate() {
-                tangent.step(step, before, [here, next], &mut jacobian, number == 0)?;
-            }
+            tangents.step(step, before, [here, next])?;
             record(&mut found, &tangents, step + 1);
         }
         Ok(found)

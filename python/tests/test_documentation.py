@@ -38,7 +38,7 @@ def test_examples(path, tmp_path, monkeypatch, capsys):
         if isinstance(node, ast.Import)
         for name in node.names
     }
-    for name in sorted(needed & {"jax", "autograd"}):
+    for name in sorted(needed & {"jax", "autograd", "torch"}):
         pytest.importorskip(name, reason=f"{name} is not installed: {path.name} did not run")
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(path), run_name="__main__")

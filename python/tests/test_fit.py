@@ -9,16 +9,18 @@ import sprung
 DT = 0.02
 
 
-def net(seed: int = 0) -> sprung.System:
-    """A small cable net, held at its corners, that is thrown."""
+def net(seed: int = 0, side: int = 3) -> sprung.System:
+    """A cable net, held at its corners, that is thrown."""
     rng = np.random.default_rng(seed)
-    y, x = np.mgrid[:3, :3].astype(float)
-    positions = np.column_stack([x.ravel(), y.ravel(), np.zeros(9)]) + rng.normal(0, 0.05, (9, 3))
-    number = np.arange(9).reshape(3, 3)
+    count, springs = side * side, 2 * side * (side - 1)
+    y, x = np.mgrid[:side, :side].astype(float)
+    positions = np.column_stack([x.ravel(), y.ravel(), np.zeros(count)]) + rng.normal(0, 0.05, (count, 3))
+    number = np.arange(count).reshape(side, side)
     pairs = np.concatenate([np.column_stack([number[:, :-1].ravel(), number[:, 1:].ravel()]), np.column_stack([number[:-1].ravel(), number[1:].ravel()])])
     return sprung.System(
-        positions, pairs, masses=rng.uniform(0.5, 1.5, 9), stiffness=rng.uniform(40, 80, 12), rest_lengths=rng.uniform(0.85, 0.95, 12),
-        damping=rng.uniform(0.2, 0.6, 12), velocities=rng.normal(0, 1, (9, 3)), gravity=[0, 0, -9.81], constraints=[sprung.Constraint([0, 2, 6, 8])],
+        positions, pairs, masses=rng.uniform(0.5, 1.5, count), stiffness=rng.uniform(40, 80, springs), rest_lengths=rng.uniform(0.85, 0.95, springs),
+        damping=rng.uniform(0.2, 0.6, springs), velocities=rng.normal(0, 1, (count, 3)), gravity=[0, 0, -9.81],
+        constraints=[sprung.Constraint(number[[0, 0, -1, -1], [0, -1, 0, -1]])],
     )  # fmt: skip
 
 
@@ -49,6 +51,19 @@ def test_stiffnesses_from_a_noisy_motion():
     assert found.cost == pytest.approx(0.5 * np.nansum(found.residual**2))
     assert np.isnan(found.residual[:, [0, 2, 6, 8]]).all() and np.isfinite(found.residual[:, [1, 3, 4, 5, 7]]).all()
     assert "stiffness" in repr(found)
+
+
+def test_intervals_hold_the_truth():
+    """A tenth of the net of verification/identification.py."""
+    truth = net(7, side=8)
+    measured = motion(truth, STEPS)
+    measured += 1e-3 * np.random.default_rng(8).normal(size=measured.shape)
+    found = sprung.fit(truth.with_springs(stiffness=60.0), measured, steps=STEPS, dt=DT)
+    error, count = found.stiffness - truth.stiffness, len(truth.pairs)
+    assert found.success and 0.89 < np.mean(abs(error) < 1.96 * found.standard_errors["stiffness"]) < 0.995
+    # χ² with n degrees of freedom has the mean n and the variance 2n.
+    squares = error @ np.linalg.solve(found.covariance, error)
+    assert abs(squares - count) < 3 * np.sqrt(2 * count)
 
 
 @pytest.mark.parametrize("method", ["backward-euler", "bdf2", "verlet"])

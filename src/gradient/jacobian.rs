@@ -1,18 +1,19 @@
 //! The exact Jacobian of a core step, and solves with it.
 
-use super::parameters::turning_adjoint;
+use super::parameters::{Point, turning_adjoint};
 use crate::assembly::SymmetricMatrix;
 use crate::error::{Error, Result};
 use crate::force::{SpringGeometry, add_damping_differential, add_damping_product, add_elastic_differential};
 use crate::integrate::Matrices;
-use crate::linear::{Ldlt, norm};
+use crate::linear::{FactorSize, Ldlt, SOLVE_COLUMNS, norm};
 use crate::operator::LinearOperator;
 use crate::spring::Stiffness;
 use crate::system::{State, System};
-use faer::Par;
 use faer::linalg::solvers::Solve;
 use faer::sparse::{SparseColMat, Triplet};
+use faer::{MatMut, Par};
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
 /// `J = A − D` of a core step, or its transpose.
 pub(super) struct Jacobian<'s> {
@@ -22,6 +23,8 @@ pub(super) struct Jacobian<'s> {
     pub(super) a: SymmetricMatrix,
     pub(super) geometry: SpringGeometry,
     pub(super) velocities: Vec<Vector3<f64>>,
+    /// ‖A‖∞.
+    pub(super) size: f64,
     pub(super) is_factored: bool,
 }
 
@@ -36,15 +39,27 @@ impl<'s> Jacobian<'s> {
         let a = matrices.k().scaled(1.0);
         let ldlt = Ldlt::analyse(a.pattern(), Par::Seq)?;
         let geometry = SpringGeometry::at(system, state)?;
-        Ok(Self { system, matrices, ldlt, a, geometry, velocities: Vec::new(), is_factored: false })
+        Ok(Self { system, matrices, ldlt, a, geometry, velocities: Vec::new(), size: 0.0, is_factored: false })
     }
 
-    /// Linearises at a solved configuration.
+    /// Linearises forces at a state.
+    pub(super) fn linearise(&mut self, at: &State) -> Result<()> {
+        self.geometry.update(self.system, at)?;
+        self.velocities.clone_from(&at.velocities);
+        Ok(())
+    }
+
+    /// Where forces were linearised.
+    pub(super) fn point<'a>(&'a self, at: &State) -> Point<'a> {
+        Point { geometry: &self.geometry, velocities: &self.velocities, time: at.time }
+    }
+
+    /// Linearises at a solved configuration, and factors A.
     pub(super) fn set(&mut self, solved: &State, tau: f64) -> Result<()> {
-        self.geometry.update(self.system, solved)?;
-        self.velocities.clone_from(&solved.velocities);
+        self.linearise(solved)?;
         self.matrices.update(solved, Stiffness::Full)?;
         self.a = self.matrices.a(tau)?;
+        self.size = self.a.norm_inf(&mut vec![0.0; self.a.order()]);
         self.is_factored = self.ldlt.factor(&self.a).is_ok();
         Ok(())
     }
@@ -86,25 +101,40 @@ impl<'s> Jacobian<'s> {
         result
     }
 
-    /// Solves with J or its transpose: `x ← x + A⁻¹ (b − J x)` until it no longer gets better.
+    /// Solves with J or its transpose, for right-hand sides stored by columns: by corrections with the factor of A, or by a factorization of J itself
+    /// where the substitutions for all columns exceed the operations of a factorization anyway.
     pub(super) fn solve(&mut self, b: &[f64], is_transposed: bool) -> Result<Vec<f64>> {
+        let order = self.a.order().max(1);
+        let FactorSize { entries, flops, .. } = self.ldlt.size();
+        if (b.len() / order * entries) as f64 > flops {
+            return self.solve_unsymmetric(b, is_transposed);
+        }
+        let mut x = Vec::with_capacity(b.len());
+        for b in b.chunks_exact(order) {
+            match self.solve_by_corrections(b, is_transposed) {
+                Some(column) => x.extend(column),
+                None => return self.solve_unsymmetric(b, is_transposed),
+            }
+        }
+        Ok(x)
+    }
+
+    /// `x ← x + A⁻¹ (b − J x)` until it no longer gets better; nothing where that is not to rounding.
+    fn solve_by_corrections(&mut self, b: &[f64], is_transposed: bool) -> Option<Vec<f64>> {
         let (mut x, mut rest) = (vec![0.0; b.len()], b.to_vec());
         let (size, mut before) = (norm(b), f64::INFINITY);
         if size == 0.0 {
-            return Ok(x);
+            return Some(x);
         }
-        for _ in 0..CORRECTIONS {
-            if !self.is_factored {
-                break;
-            }
+        for _ in 0..if self.is_factored { CORRECTIONS } else { 0 } {
             let mut correction = rest;
             self.ldlt.substitute_columns(b.len(), &mut correction);
             x.iter_mut().zip(&correction).for_each(|(x, d)| *x += d);
             rest = self.defect(b, &x, is_transposed);
             // The defect of a solve as good as rounding lets it be is that of its products.
-            let (left, floor) = (norm(&rest), SOLVED * (size + self.size() * norm(&x)));
+            let (left, floor) = (norm(&rest), SOLVED * (size + self.size * norm(&x)));
             if left <= floor || left <= 1e3 * floor && left > CONTRACTS * before {
-                return Ok(x);
+                return Some(x);
             }
             let is_better = left <= CONTRACTS * before.min(1e6 * size);
             if !is_better {
@@ -112,11 +142,7 @@ impl<'s> Jacobian<'s> {
             }
             before = left;
         }
-        self.solve_unsymmetric(b, is_transposed)
-    }
-
-    pub(super) fn size(&self) -> f64 {
-        self.a.norm_inf(&mut vec![0.0; self.a.order()])
+        None
     }
 
     pub(super) fn defect(&self, b: &[f64], x: &[f64], is_transposed: bool) -> Vec<f64> {
@@ -129,7 +155,7 @@ impl<'s> Jacobian<'s> {
         b.iter().zip(&product).zip(&turned).map(|((b, ax), dx)| b - (ax - dx)).collect()
     }
 
-    /// By a sparse factorization L U of J.
+    /// By a sparse factorization L U of J, for right-hand sides stored by columns.
     pub(super) fn solve_unsymmetric(&self, b: &[f64], is_transposed: bool) -> Result<Vec<f64>> {
         let dofs = self.system.dofs();
         let mut entries: Vec<Triplet<usize, usize, f64>> = Vec::new();
@@ -155,14 +181,18 @@ impl<'s> Jacobian<'s> {
             }
         }
         let singular = || Error::Unsupported("the Jacobian of a step is singular".into());
-        let jacobian = SparseColMat::try_new_from_triplets(b.len(), b.len(), &entries).map_err(|_| singular())?;
+        let order = dofs.len();
+        let jacobian = SparseColMat::try_new_from_triplets(order, order, &entries).map_err(|_| singular())?;
         let factored = jacobian.sp_lu().map_err(|_| singular())?;
-        let mut x = faer::Col::from_fn(b.len(), |row| b[row]);
-        match is_transposed {
-            true => factored.solve_transpose_in_place(x.as_mat_mut()),
-            false => factored.solve_in_place(x.as_mat_mut()),
-        }
-        let x: Vec<f64> = x.iter().copied().collect();
+        let mut x = b.to_vec();
+        x.par_chunks_mut((SOLVE_COLUMNS * order).max(1)).for_each(|x| {
+            let columns = x.len() / order;
+            let x = MatMut::from_column_major_slice_mut(x, order, columns);
+            match is_transposed {
+                true => factored.solve_transpose_in_place(x),
+                false => factored.solve_in_place(x),
+            }
+        });
         if x.iter().all(|x| x.is_finite()) { Ok(x) } else { Err(singular()) }
     }
 }

@@ -1,7 +1,8 @@
 //! Cotangents from the end of a run to its start, with checkpoints.
 
 use super::jacobian::Jacobian;
-use super::{Cotangent, DifferentiableRun, Forward, Parameters, Point, Record, Scheme};
+use super::tangent::{of_free, predicted};
+use super::{Cotangent, DifferentiableRun, Forward, Parameters, Record, Scheme};
 use crate::error::Result;
 use crate::system::State;
 use nalgebra::Vector3;
@@ -51,18 +52,18 @@ impl<'r, 's> Reverse<'r, 's> {
         }
     }
 
-    /// The steps from a snapshot to `end`, backwards, with room for a number of states.
-    pub(super) fn sweep(&mut self, from: &Snapshot, end: usize, room: usize) -> Result<()> {
+    /// The steps from a snapshot to step `end`, backwards, from the state `last` there, with room for a number of states.
+    pub(super) fn sweep(&mut self, from: &Snapshot, end: usize, last: &Record, room: usize) -> Result<()> {
         let count = end - from.step;
-        let (here, before) = (from.here.clone(), from.before.clone());
-        (self.forward.here, self.forward.before) = (here, before);
+        (self.forward.here, self.forward.before) = (from.here.clone(), from.before.clone());
         let next = split(count, room);
         if next == count {
             let mut records = vec![from.here.clone()];
-            for step in from.step..end {
+            for step in from.step..end - 1 {
                 self.forward.step(self.run, step)?;
                 records.push(self.forward.here.clone());
             }
+            records.push(last.clone());
             for k in (0..count).rev() {
                 let before = if k > 0 { Some(&records[k - 1]) } else { from.before.as_ref() };
                 self.step(from.step + k, before, &records[k], &records[k + 1])?;
@@ -74,8 +75,8 @@ impl<'r, 's> Reverse<'r, 's> {
             self.forward.step(self.run, step)?;
         }
         let there = Snapshot { step: middle, here: self.forward.here.clone(), before: self.forward.before.clone() };
-        self.sweep(&there, end, room - 1)?;
-        self.sweep(from, middle, room)
+        self.sweep(&there, end, last, room - 1)?;
+        self.sweep(from, middle, &there.here, room)
     }
 
     /// One step backwards.
@@ -109,11 +110,7 @@ impl<'r, 's> Reverse<'r, 's> {
         dofs.gather(&full, &mut right);
         let solution = jacobian.solve(&right, true)?;
         let adjoint = jacobian.full(&solution);
-        let [moved, damped] = result.add_force_adjoint(
-            system,
-            &Point { geometry: &jacobian.geometry, velocities: &solved.velocities, time: solved.time },
-            &adjoint,
-        );
+        let [moved, damped] = result.add_force_adjoint(system, &jacobian.point(&solved), &adjoint);
         let mut earlier = [vec![Vector3::zeros(); full.len()], vec![Vector3::zeros(); full.len()]];
         for p in 0..full.len() {
             let (mass, u, free) = (system.masses()[p], adjoint[p], dofs.free_axes(p));
@@ -143,12 +140,7 @@ impl<'r, 's> Reverse<'r, 's> {
     /// With cotangents of x', v' and a': those of x, v and a, of `v½ = v + ½h a`, `x' = x + h v½`, `v* = v + h a`, `a' = M⁻¹F(x', v*)`, `v' = v½ + ½h a'`.
     pub(super) fn verlet(&mut self, step: usize, here: &Record, next: &Record) -> Result<()> {
         let (system, h) = (self.run.system, self.run.lengths[step]);
-        let mut predicted = next.state.clone();
-        for (p, v) in predicted.velocities.iter_mut().enumerate() {
-            for axis in system.dofs().free_axes(p).iter() {
-                v[axis] = here.state.velocities[p][axis] + h * here.acceleration[p][axis];
-            }
-        }
+        let predicted = predicted(system, h, here, next);
         let total: Vec<_> = self.accelerations.iter().zip(&self.velocities).map(|(a, v)| a + v * (0.5 * h)).collect();
         let [moved, damped] = self.force_adjoint(&predicted, &next.acceleration, &total)?;
         for p in 0..total.len() {
@@ -177,18 +169,10 @@ impl<'r, 's> Reverse<'r, 's> {
     ) -> Result<[Vec<Vector3<f64>>; 2]> {
         let Self { run, jacobian, result, .. } = self;
         let system = run.system;
-        jacobian.geometry.update(system, at)?;
-        jacobian.velocities.clone_from(&at.velocities);
-        let free = |p: usize, axis: usize| system.dofs().free_axes(p).contains(axis);
-        let scaled = |(p, a): (usize, &Vector3<f64>)| {
-            Vector3::from_fn(|axis, _| if free(p, axis) { a[axis] / system.masses()[p] } else { 0.0 })
-        };
-        let adjoint: Vec<_> = cotangent.iter().enumerate().map(scaled).collect();
-        let changes = result.add_force_adjoint(
-            system,
-            &Point { geometry: &jacobian.geometry, velocities: &at.velocities, time: at.time },
-            &adjoint,
-        );
+        jacobian.linearise(at)?;
+        let scaled: Vec<_> = cotangent.iter().zip(system.masses()).map(|(a, mass)| a / *mass).collect();
+        let adjoint = of_free(system, &scaled);
+        let changes = result.add_force_adjoint(system, &jacobian.point(at), &adjoint);
         for ((mass, u), a) in result.masses.iter_mut().zip(&adjoint).zip(acceleration) {
             *mass -= u.dot(a);
         }
@@ -202,25 +186,24 @@ impl<'r, 's> Reverse<'r, 's> {
             self.positions.iter_mut().zip(&moved).for_each(|(x, moved)| *x += moved);
             self.velocities.iter_mut().zip(&damped).for_each(|(v, damped)| *v += damped);
         }
-        let dofs = self.run.system.dofs();
-        for (p, v) in self.velocities.iter_mut().enumerate() {
-            let free = dofs.free_axes(p);
-            *v = Vector3::from_fn(|axis, _| if free.contains(axis) { v[axis] } else { 0.0 });
-        }
-        (self.result.positions, self.result.velocities) = (self.positions, self.velocities);
+        self.result.velocities = of_free(self.run.system, &self.velocities);
+        self.result.positions = self.positions;
         Ok(self.result)
     }
 }
 
-/// Where a sweep over `count` steps with room for some states sets its next checkpoint: so that with r passes over each step the rest, of at most
-/// `C(room − 1 + r, r)` steps, needs one state less. At the end where all states have room.
+/// Where a sweep over `count` steps with room for some states, the first one included, sets its next checkpoint; at the end where all have room.
+///
+/// States computed again at most r times each suffice for `N(room, r) = C(room + r, r)` steps, as the steps from the checkpoint on have one state less,
+/// and those before it were passed once: `N(room, r) = N(room − 1, r) + N(room, r − 1)`. With the least such r, as few steps as possible are computed again
+/// wherever the first part has from `N(room, r − 2)` to `N(room, r − 1)` steps and the second from `N(room − 1, r − 1)` to `N(room − 1, r)`.
 pub(super) fn split(count: usize, room: usize) -> usize {
-    if count <= room.max(1) {
+    // The last state is at hand and needs no room.
+    if count <= room + 1 {
         return count;
     }
     let reaches =
         |room: usize, passes: usize| (1..=passes).fold(1.0, |product: f64, k| product * (room + k) as f64 / k as f64);
-    let passes = (1..).find(|&passes| reaches(room, passes) >= count as f64).unwrap_or(1);
-    let rest = reaches(room - 1, passes).min(count as f64 - 1.0) as usize;
-    (count - rest.max(1)).max(1)
+    let passes = (2..).find(|&passes| reaches(room, passes) >= count as f64).unwrap_or(2);
+    (count as f64 - reaches(room - 1, passes)).max(reaches(room, passes - 2)) as usize
 }

@@ -1,153 +1,186 @@
 //! Changes of the states of a run, from its start to its end.
 
 use super::jacobian::Jacobian;
-use super::{DifferentiableRun, Parameters, Point, Record, Scheme};
+use super::{DifferentiableRun, Parameters, Record, Scheme, StateChange};
 use crate::error::Result;
-use crate::system::State;
+use crate::system::{State, System};
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
-/// The way forwards of a change.
-pub(super) struct Tangent<'r, 's> {
-    pub(super) run: &'r DifferentiableRun<'s>,
-    pub(super) change: &'r Parameters,
-    pub(super) positions: Vec<Vector3<f64>>,
-    pub(super) velocities: Vec<Vector3<f64>>,
-    pub(super) accelerations: Vec<Vector3<f64>>,
-    pub(super) before: [Vec<Vector3<f64>>; 2],
+/// The way forwards of several changes of parameters, which share the Jacobian of every step.
+pub(super) struct Tangents<'r, 's> {
+    run: &'r DifferentiableRun<'s>,
+    jacobian: Jacobian<'s>,
+    tangents: Vec<Tangent<'r>>,
 }
 
-impl<'r, 's> Tangent<'r, 's> {
-    pub(super) fn new(
-        run: &'r DifferentiableRun<'s>,
-        change: &'r Parameters,
-        first: &Record,
-        jacobian: &mut Jacobian<'s>,
-    ) -> Result<Self> {
+/// The change of a state with one change of parameters.
+struct Tangent<'r> {
+    change: &'r Parameters,
+    now: StateChange,
+    accelerations: Vec<Vector3<f64>>,
+    before: StateChange,
+}
+
+/// A core step from `base` to `solved`.
+struct Core {
+    tau: f64,
+    beta: f64,
+    doubles: bool,
+    base: State,
+    solved: State,
+}
+
+impl<'r, 's> Tangents<'r, 's> {
+    pub(super) fn new(run: &'r DifferentiableRun<'s>, changes: &'r [Parameters], first: &Record) -> Result<Self> {
+        let mut jacobian = Jacobian::new(run.system, &first.state)?;
+        jacobian.linearise(&first.state)?;
+        let tangents = changes.iter().map(|change| Tangent::new(run, change, first, &jacobian)).collect();
+        Ok(Self { run, jacobian, tangents })
+    }
+
+    pub(super) fn states(&self) -> impl Iterator<Item = &StateChange> + '_ {
+        self.tangents.iter().map(|tangent| &tangent.now)
+    }
+
+    /// One step.
+    pub(super) fn step(&mut self, step: usize, before: Option<&Record>, [here, next]: [&Record; 2]) -> Result<()> {
+        let Self { run, jacobian, tangents } = self;
         let system = run.system;
-        let free = |p: usize, axis: usize| system.dofs().free_axes(p).contains(axis);
-        let velocities = change.velocities.iter().enumerate();
-        let velocities: Vec<_> =
-            velocities.map(|(p, v)| Vector3::from_fn(|axis, _| if free(p, axis) { v[axis] } else { 0.0 })).collect();
-        let mut tangent = Self {
-            run,
-            change,
-            before: [change.positions.clone(), velocities.clone()],
-            positions: change.positions.clone(),
-            accelerations: Vec::new(),
-            velocities,
-        };
+        run.check_interrupt(step, here.state.time)?;
         if run.scheme == Scheme::Verlet {
-            let (x, v) = (tangent.positions.clone(), tangent.velocities.clone());
-            tangent.accelerations =
-                tangent.acceleration_change(&first.state, &first.acceleration, [&x, &v], jacobian)?;
+            let h = run.lengths[step];
+            let predicted = predicted(system, h, here, next);
+            jacobian.linearise(&predicted)?;
+            tangents.par_iter_mut().for_each(|tangent| tangent.verlet(h, &predicted, &next.acceleration, jacobian));
+            return Ok(());
         }
-        Ok(tangent)
+        let [tau, beta] = run.core(step);
+        let base = run.base(step, before, &here.state);
+        let solved = run.solved(step, &base, &here.state, &next.state);
+        jacobian.set(&solved, tau)?;
+        let core = Core { tau, beta, doubles: run.scheme == Scheme::ImplicitMidpoint, base, solved };
+        let order = system.dofs().len();
+        let mut columns = vec![0.0; order * tangents.len()];
+        let rows = order.max(1);
+        columns
+            .par_chunks_exact_mut(rows)
+            .zip(tangents.par_iter())
+            .for_each(|(column, tangent)| tangent.right_side(&core, jacobian, column));
+        let solutions = jacobian.solve(&columns, false)?;
+        let solved = solutions.par_chunks_exact(rows).zip(tangents.par_iter_mut());
+        solved.for_each(|(solution, tangent)| tangent.advance(&core, system, &jacobian.full(solution)));
+        Ok(())
+    }
+}
+
+impl<'r> Tangent<'r> {
+    fn new(run: &DifferentiableRun<'_>, change: &'r Parameters, first: &Record, jacobian: &Jacobian<'_>) -> Self {
+        let system = run.system;
+        let now = [change.positions.clone(), of_free(system, &change.velocities)];
+        let mut tangent = Self { change, before: now.clone(), now, accelerations: Vec::new() };
+        if run.scheme == Scheme::Verlet {
+            let [x, v] = &tangent.now;
+            tangent.accelerations = tangent.acceleration_change(&first.state, &first.acceleration, [x, v], jacobian);
+        }
+        tangent
     }
 
     /// δ(M⁻¹F) for changes of positions, velocities and parameters.
-    pub(super) fn acceleration_change(
+    fn acceleration_change(
         &self,
         at: &State,
         acceleration: &[Vector3<f64>],
         [x, v]: [&[Vector3<f64>]; 2],
-        jacobian: &mut Jacobian<'s>,
-    ) -> Result<Vec<Vector3<f64>>> {
-        let Self { run, change, .. } = self;
-        let system = run.system;
-        jacobian.geometry.update(system, at)?;
-        jacobian.velocities.clone_from(&at.velocities);
+        jacobian: &Jacobian<'_>,
+    ) -> Vec<Vector3<f64>> {
+        let Self { change, .. } = self;
+        let system = jacobian.system;
         let mut force = jacobian.stiffness_change(x);
         force.iter_mut().zip(jacobian.damping(v)).for_each(|(f, damped)| *f += damped);
-        change.add_force_change(
-            system,
-            &Point { geometry: &jacobian.geometry, velocities: &at.velocities, time: at.time },
-            &mut force,
-        );
+        change.add_force_change(system, &jacobian.point(at), &mut force);
         for (p, f) in force.iter_mut().enumerate() {
-            let free = system.dofs().free_axes(p);
-            let total = (*f - acceleration[p] * change.masses[p]) / system.masses()[p];
-            *f = Vector3::from_fn(|axis, _| if free.contains(axis) { total[axis] } else { 0.0 });
+            *f = (*f - acceleration[p] * change.masses[p]) / system.masses()[p];
         }
-        Ok(force)
+        of_free(system, &force)
     }
 
-    /// One step. The Jacobian is linearised there by the first of several changes.
-    pub(super) fn step(
-        &mut self,
-        step: usize,
-        before: Option<&Record>,
-        [here, next]: [&Record; 2],
-        jacobian: &mut Jacobian<'s>,
-        is_first: bool,
-    ) -> Result<()> {
-        self.run.check_interrupt(step, here.state.time)?;
-        let (system, h) = (self.run.system, self.run.lengths[step]);
-        let particles = system.particles();
-        let is_free = |p: usize, axis: usize| system.dofs().free_axes(p).contains(axis);
-        if self.run.scheme == Scheme::Verlet {
-            let mut predicted = next.state.clone();
-            let (mut x, mut v) = (self.positions.clone(), self.velocities.clone());
-            for p in 0..particles {
-                for axis in system.dofs().free_axes(p).iter() {
-                    predicted.velocities[p][axis] = here.state.velocities[p][axis] + h * here.acceleration[p][axis];
-                    let (dv, da) = (self.velocities[p][axis], self.accelerations[p][axis]);
-                    x[p][axis] += h * (dv + 0.5 * h * da);
-                    v[p][axis] = dv + h * da;
-                }
+    fn verlet(&mut self, h: f64, predicted: &State, acceleration: &[Vector3<f64>], jacobian: &Jacobian<'_>) {
+        let [mut x, mut v] = self.now.clone();
+        for p in 0..x.len() {
+            for axis in jacobian.system.dofs().free_axes(p).iter() {
+                let (dv, da) = (v[p][axis], self.accelerations[p][axis]);
+                x[p][axis] += h * (dv + 0.5 * h * da);
+                v[p][axis] += h * da;
             }
-            let after = self.acceleration_change(&predicted, &next.acceleration, [&x, &v], jacobian)?;
-            for ((v, before), after) in self.velocities.iter_mut().zip(&self.accelerations).zip(&after) {
-                *v += (before + after) * (0.5 * h);
-            }
-            (self.positions, self.accelerations) = (x, after);
-            return Ok(());
         }
-        let Self { run, change, .. } = self;
-        let [tau, beta] = run.core(step);
-        let base = run.base(step, before, &here.state);
-        let solved = run.solved(step, &base, &here.state, &next.state);
-        if is_first {
-            jacobian.set(&solved, tau)?;
+        let after = self.acceleration_change(predicted, acceleration, [&x, &v], jacobian);
+        for ((v, before), after) in self.now[1].iter_mut().zip(&self.accelerations).zip(&after) {
+            *v += (before + after) * (0.5 * h);
         }
-        // Changes of (x̃, ṽ).
+        (self.now[0], self.accelerations) = (x, after);
+    }
+
+    /// (δx̃, δṽ).
+    fn base(&self, beta: f64) -> StateChange {
         let ahead = |now: &[Vector3<f64>], before: &[Vector3<f64>]| -> Vec<_> {
             now.iter().zip(before).map(|(now, before)| now + (now - before) * beta).collect()
         };
-        let (x, v) = (ahead(&self.positions, &self.before[0]), ahead(&self.velocities, &self.before[1]));
-        let held: Vec<_> = (0..particles)
-            .map(|p| Vector3::from_fn(|axis, _| if is_free(p, axis) { 0.0 } else { self.positions[p][axis] }))
-            .collect();
-        let mut force = jacobian.stiffness_change(&held);
-        change.add_force_change(
-            system,
-            &Point { geometry: &jacobian.geometry, velocities: &solved.velocities, time: solved.time },
-            &mut force,
-        );
-        let free: Vec<_> = x
-            .iter()
-            .enumerate()
-            .map(|(p, x)| Vector3::from_fn(|axis, _| if is_free(p, axis) { x[axis] } else { 0.0 }))
-            .collect();
+        [ahead(&self.now[0], &self.before[0]), ahead(&self.now[1], &self.before[1])]
+    }
+
+    /// `(M/τ² − G/τ) δx̃ + M δṽ/τ + (K + D) δx_held + ∂F/∂p δp − δm (x' − x̃ − τṽ)/τ²`.
+    fn right_side(&self, core: &Core, jacobian: &Jacobian<'_>, right: &mut [f64]) {
+        let Core { tau, base, solved, .. } = core;
+        let (system, change) = (jacobian.system, self.change);
+        let [x, v] = self.base(core.beta);
+        let free = of_free(system, &x);
+        let held: Vec<_> = self.now[0].iter().zip(of_free(system, &self.now[0])).map(|(x, free)| x - free).collect();
+        let is_led = held.iter().any(|x| *x != Vector3::zeros());
+        let mut force = if is_led { jacobian.stiffness_change(&held) } else { vec![Vector3::zeros(); x.len()] };
+        change.add_force_change(system, &jacobian.point(solved), &mut force);
         let damped = jacobian.damping(&free);
-        for p in 0..particles {
-            let (mass, more) = (system.masses()[p], change.masses[p]);
-            let inertia = (solved.positions[p] - base.positions[p] - base.velocities[p] * tau) / (tau * tau);
-            force[p] += free[p] * (mass / (tau * tau)) - damped[p] / tau + v[p] * (mass / tau) - inertia * more;
+        for p in 0..x.len() {
+            let mass = system.masses()[p];
+            let inertia = (solved.positions[p] - base.positions[p] - base.velocities[p] * *tau) / (tau * tau);
+            force[p] +=
+                free[p] * (mass / (tau * tau)) - damped[p] / *tau + v[p] * (mass / tau) - inertia * change.masses[p];
         }
-        let mut right = vec![0.0; system.dofs().len()];
-        system.dofs().gather(&force, &mut right);
-        let solution = jacobian.solve(&right, false)?;
-        let moved = jacobian.full(&solution);
-        let doubles = run.scheme == Scheme::ImplicitMidpoint;
-        let now = [self.positions.clone(), self.velocities.clone()];
-        for p in 0..particles {
+        system.dofs().gather(&force, right);
+    }
+
+    /// With the change of the positions that a core solved for.
+    fn advance(&mut self, core: &Core, system: &System, moved: &[Vector3<f64>]) {
+        let Core { tau, beta, doubles, .. } = *core;
+        let [x, _] = self.base(beta);
+        let now = self.now.clone();
+        for p in 0..x.len() {
             for axis in system.dofs().free_axes(p).iter() {
                 let (middle, rate) = (moved[p][axis], (moved[p][axis] - x[p][axis]) / tau);
-                self.positions[p][axis] = if doubles { 2.0 * middle - now[0][p][axis] } else { middle };
-                self.velocities[p][axis] = if doubles { 2.0 * rate - now[1][p][axis] } else { rate };
+                self.now[0][p][axis] = if doubles { 2.0 * middle - now[0][p][axis] } else { middle };
+                self.now[1][p][axis] = if doubles { 2.0 * rate - now[1][p][axis] } else { rate };
             }
         }
         self.before = now;
-        Ok(())
     }
+}
+
+/// Vectors with zeros for prescribed coordinates.
+pub(super) fn of_free(system: &System, vectors: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let of = |(p, v): (usize, &Vector3<f64>)| {
+        let free = system.dofs().free_axes(p);
+        Vector3::from_fn(|axis, _| if free.contains(axis) { v[axis] } else { 0.0 })
+    };
+    vectors.iter().enumerate().map(of).collect()
+}
+
+/// The state at which Verlet's method takes forces: x' and `v* = v + h a`.
+pub(super) fn predicted(system: &System, h: f64, here: &Record, next: &Record) -> State {
+    let mut predicted = next.state.clone();
+    for (p, v) in predicted.velocities.iter_mut().enumerate() {
+        for axis in system.dofs().free_axes(p).iter() {
+            v[axis] = here.state.velocities[p][axis] + h * here.acceleration[p][axis];
+        }
+    }
+    predicted
 }

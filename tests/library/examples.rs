@@ -4,6 +4,8 @@
 mod change_in_mid_run;
 #[path = "../../examples/external_force.rs"]
 mod external_force;
+#[path = "../../examples/identification.rs"]
+mod identification;
 #[path = "../../examples/own_blocks.rs"]
 mod own_blocks;
 #[path = "../../examples/own_preconditioner.rs"]
@@ -24,7 +26,7 @@ macro_rules! run {
     };
 }
 
-run!(change_in_mid_run, external_force, own_blocks, own_preconditioner, own_solver, own_spring_law);
+run!(change_in_mid_run, external_force, identification, own_blocks, own_preconditioner, own_solver, own_spring_law);
 
 /// The page on changes in mid-run shows the lines of its example, as they are there.
 #[test]

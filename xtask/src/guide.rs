@@ -7,11 +7,12 @@ use std::path::Path;
 use std::process::Command;
 
 /// Pages of the repository that the guide shows too: the page of the guide, and its source.
-const PAGES: [(&str, &str); 12] = [
+const PAGES: [(&str, &str); 13] = [
     ("reference/verification.md", "verification/README.md"),
     ("reference/study.md", "verification/study.md"),
     ("reference/definiteness.md", "verification/definiteness.md"),
     ("reference/derivative-checks.md", "verification/derivative-checks.md"),
+    ("reference/identification.md", "verification/identification.md"),
     ("reference/accuracy.md", "verification/accuracy.md"),
     ("reference/motion.md", "verification/motion.md"),
     ("reference/robustness.md", "docs/robustness.md"),

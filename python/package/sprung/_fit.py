@@ -303,12 +303,18 @@ def fit(
     if sigma is not None:
         sigma = _arrays.positive("sigma", sigma)
     model: _Motion | _Shape = _Motion(unknowns, is_known, chosen, **how) if how else _Shape(unknowns, is_known, chosen, state)
-    known: dict[str, Any] = {"at": None, "run": None}
+    known: dict[str, Any] = {"at": None, "run": None, "jacobian": None}
 
     def run(values: Floats) -> Any:
         if known["at"] is None or not np.array_equal(known["at"], values):
-            known.update(run=model.run(values), at=values.copy())
+            known.update(run=model.run(values), at=values.copy(), jacobian=None)
         return known["run"]
+
+    def jacobian(values: Floats) -> Floats:
+        found = run(values)
+        if known["jacobian"] is None:
+            known["jacobian"] = model.jacobian(found)
+        return known["jacobian"]
 
     def difference(values: Floats) -> Floats:
         try:
@@ -321,7 +327,8 @@ def fit(
 
     options = {"x_scale": unknowns.size, "bounds": (unknowns.low, np.inf), "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12, **options}
     difference(unknowns.start)
-    found = least_squares(difference, unknowns.start, jac=lambda values: model.jacobian(run(values)), **options)
+    # Robust losses scale the Jacobian in its place.
+    found = least_squares(difference, unknowns.start, jac=lambda values: jacobian(values).copy(), **options)
 
     residual = np.full(measured.shape, np.nan)
     residual[is_known] = difference(found.x)
@@ -329,7 +336,7 @@ def fit(
     if sigma is None:
         freedom = np.count_nonzero(is_known) - len(unknowns)
         sigma = float(np.sqrt(squares / freedom)) if freedom > 0 else np.nan
-    covariance, deviation = _covariance(model.jacobian(run(found.x)) * unknowns.size, sigma)
+    covariance, deviation = _covariance(jacobian(found.x) * unknowns.size, sigma)
     covariance *= np.outer(unknowns.size, unknowns.size)
     deviation *= unknowns.size
     return Fit(
@@ -367,7 +374,8 @@ def _steps(times: ArrayLike | None, steps: ArrayLike | None, dt: float, begin: f
 
 def _covariance(jacobian: Floats, sigma: float) -> tuple[Floats, Floats]:
     """``inv(J.T @ J) * sigma**2`` and standard deviations, infinite for unknowns that J does not determine."""
-    _, values, rows = np.linalg.svd(jacobian, full_matrices=True)
+    # R of J = QR has the singular values and the right singular vectors of J, and is no longer than there are unknowns.
+    _, values, rows = np.linalg.svd(np.linalg.qr(jacobian, mode="r"), full_matrices=True)
     order = jacobian.shape[1]
     padded = np.zeros(order)
     padded[: len(values)] = values
