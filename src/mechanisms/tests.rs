@@ -5,7 +5,7 @@ use rand::rngs::Xoshiro256PlusPlus;
 use rand::{RngExt, SeedableRng};
 use std::f64::consts::PI;
 
-fn framework(dimension: usize, places: &[[f64; 3]], bars: &[[usize; 2]], held: &[usize]) -> (System, State) {
+pub(super) fn framework(dimension: usize, places: &[[f64; 3]], bars: &[[usize; 2]], held: &[usize]) -> (System, State) {
     let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
     for &x in places {
         builder.particle(x, 1.0);
@@ -86,14 +86,22 @@ fn a_tensegrity_prism_is_stiffened_by_prestress() {
     let found = prism(30.0);
     assert_eq!((found.rank, found.mechanisms, found.rigid_motions, found.self_stresses), (11, 7, 6, 1));
     assert_eq!((found.decided, found.prestress_stable), (true, Some(true)));
+    // Eleven of twelve springs: nothing but rounded numbers says that the last singular value is zero.
+    assert!(found.proven && !found.rank_is_exact && found.proven_gap[1] < 1e-13, "{:?}", found.proven_gap);
     let stress = &found.self_stress[0];
     // Horizontal cables 1, vertical ones 1.126, struts −2.175, as force densities times lengths.
     let ratio = |k: usize| stress[k] / stress[0];
     assert!((ratio(1) - 1.0).abs() < 1e-10 && ratio(2) > 0.0 && ratio(3) < 0.0, "{stress:?}");
     let found = prism(31.0);
     assert_eq!((found.rank, found.mechanisms, found.self_stresses, found.decided), (12, 6, 0, true));
-    // A nanometre off is neither one nor the other.
+    assert!(found.proven && found.rank_is_exact && found.proven_gap[1] == 0.0);
+    // A nanometre off is neither one nor the other; a count of eigenvalues of BᵀB proves half of the digits.
     assert!(!prism(30.0 + 1e-9).decided);
+    for (off, is_proven) in [(1e-3, true), (1e-4, true), (1e-6, false)] {
+        let found = prism(30.0 + off);
+        assert_eq!((found.rank, found.decided, found.proven, found.rank_is_exact), (12, true, is_proven, is_proven));
+        assert!(found.proven_gap[0] <= 0.5 * found.gap[0] && (found.proven_gap[0] > 0.49 * found.gap[0]) == is_proven);
+    }
 }
 
 /// K₃,₃ in the plane is rigid, but on a conic it has a mechanism and a self-stress; so has the octahedron in space none.
