@@ -64,12 +64,12 @@ pub struct Mechanisms {
     pub gap: [f64; 2],
     /// Whether no singular value lies where rounding leaves it open.
     pub decided: bool,
-    /// Whether the gap is a theorem about the springs' directions at the stored positions, in exact arithmetic: r singular values are at least
+    /// The gap is a theorem about the springs' directions at the stored positions, in exact arithmetic: r singular values are at least
     /// `proven_gap[0]`, and the others at most `proven_gap[1]`, which is smaller.
     pub proven: bool,
     /// Bounds of the gap with all rounding errors, no wider than `gap`: 0 and infinity where nothing is proven, NaN where there are no such values.
     pub proven_gap: [f64; 2],
-    /// Whether the rank is r in exact arithmetic: it is at least r, proven, and at most r, because there are no more springs, or no more
+    /// The rank is r in exact arithmetic: it is at least r, proven, and at most r, because there are no more springs, or no more
     /// coordinates beside rigid motions, in any body. No computation proves that other singular values are zero.
     pub rank_is_exact: bool,
     /// Whether prestress stiffens every mechanism that is not a rigid motion: by the tensions at hand, or, where nothing is strained, by the only state

@@ -126,6 +126,37 @@ fn frameworks_of_the_textbooks() {
     );
 }
 
+/// A particle between two supports on a line moves across it against Σ T/l: the shorter spring decides, though the longer one has the larger tension.
+#[test]
+fn prestress_stiffens_by_tension_over_length() {
+    let judged = |signs: [f64; 2]| {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        for x in [0.0, 3.0, 4.0] {
+            builder.particle([x, 0.0, 0.0], 1.0);
+        }
+        // T of 1 N over 3 m and of ½ N over 1 m.
+        for ([i, j], length, tension) in [([0, 1], 3.0, signs[0]), ([1, 2], 1.0, 0.5 * signs[1])] {
+            builder.spring(i, j, Spring { stiffness: 10.0, rest_length: length / (1.0 + 0.1 * tension), damping: 0.0 });
+        }
+        builder.hold(0).hold(2);
+        let (system, state) = builder.build().unwrap();
+        mechanisms(&system, &state).unwrap().prestress_stable
+    };
+    assert_eq!([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0]].map(judged), [Some(true), Some(false), Some(true)]);
+}
+
+/// Three squares in a row have three mechanisms, and as many springs as that take all of them away.
+#[test]
+fn added_springs_take_all_mechanisms_away() {
+    let places: Vec<[f64; 3]> = (0..8).map(|p| [f64::from(p / 2), f64::from(p % 2), 0.0]).collect();
+    let mut bars: Vec<[usize; 2]> = (0..4).map(|k| [2 * k, 2 * k + 1]).collect();
+    bars.extend((0..6).map(|k| [k, k + 2]));
+    let found = find(2, &places, &bars, &[]);
+    assert_eq!((found.mechanisms, found.rigid_motions, found.added_springs.len()), (6, 3, 3));
+    let found = find(2, &places, &[bars, found.added_springs].concat(), &[]);
+    assert_eq!((found.mechanisms, found.rigid_motions), (3, 3));
+}
+
 /// Random frameworks: the sparse way finds the rank that the dense one finds, and motions that stretch nothing.
 #[test]
 fn large_and_small_scenes_are_judged_alike() {
