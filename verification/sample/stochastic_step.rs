@@ -61,10 +61,10 @@ fn step() -> Step {
     let (mut blocks, mut pull) = (Vec::new(), 0.0f64);
     for p in 0..CORNERS {
         let m = number(mass(p));
-        for axis in 0..3 {
+        for (axis, (v, g)) in velocity(p).into_iter().zip(GRAVITY).enumerate() {
             let k = 3 * p + axis;
             a[k][k] = m / (dt * dt);
-            b[k] = m * number(velocity(p)[axis]) / dt + m * number(GRAVITY[axis]);
+            b[k] = m * number(v) / dt + m * number(g);
         }
     }
     for (i, j) in (0..CORNERS).flat_map(|i| (0..i).map(move |j| (i, j))) {
