@@ -9,12 +9,13 @@
 //!
 //! **Rank.** A singular value is zero up to rounding, and not zero from 1e-9 of the largest on; one between the two leaves the rank undecided. Small
 //! scenes are decomposed densely. Of large ones `BᵀB` is factored: the signs of the pivots of `BᵀB − τ` count the singular values below √τ, and inverse
-//! iteration finds the mechanisms.
+//! iteration finds the mechanisms. With all rounding errors bounded the gap, and in many scenes the rank, is a theorem (`mechanisms/proof.rs`).
 //!
 //! **Prestress.** A mechanism has no stiffness but that of tensions, `uᵀ(−K)u = Σ (T/l) |(I − nnᵀ)(uᵢ − uⱼ)|²`. Where that is positive for all mechanisms
 //! but rigid motions, prestress makes the structure stiff (Calladine and Pellegrino 1991).
 
-use crate::assembly::{BlockPattern, SymmetricMatrix};
+mod proof;
+
 use crate::eigen::{Accuracy, Pencil, ShiftInvert};
 use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
@@ -28,7 +29,7 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::svd::{self, ComputeSvdVectors};
 use faer::{Mat, Par};
 use nalgebra::{DMatrix, SymmetricEigen, Vector3};
-use std::sync::Arc;
+use proof::{Bounds, largest_rank, least, root_above, root_below};
 
 /// The largest number of degrees of freedom, and of springs, for which B is decomposed densely.
 const DENSE: usize = 1200;
@@ -63,6 +64,14 @@ pub struct Mechanisms {
     pub gap: [f64; 2],
     /// Whether no singular value lies where rounding leaves it open.
     pub decided: bool,
+    /// The gap is a theorem about the springs' directions at the stored positions, in exact arithmetic: r singular values are at least
+    /// `proven_gap[0]`, and the others at most `proven_gap[1]`, which is smaller.
+    pub proven: bool,
+    /// Bounds of the gap with all rounding errors, no wider than `gap`: 0 and infinity where nothing is proven, NaN where there are no such values.
+    pub proven_gap: [f64; 2],
+    /// The rank is r in exact arithmetic: it is at least r, proven, and at most r, because there are no more springs, or no more
+    /// coordinates beside rigid motions, in any body. No computation proves that other singular values are zero.
+    pub rank_is_exact: bool,
     /// Whether prestress stiffens every mechanism that is not a rigid motion: by the tensions at hand, or, where nothing is strained, by the only state
     /// of self-stress. `None` without such mechanisms, or where there are several states to choose from.
     pub prestress_stable: Option<bool>,
@@ -105,9 +114,12 @@ pub fn mechanisms(system: &System, state: &State) -> Result<Mechanisms> {
     let geometry = SpringGeometry::at(system, state)?;
     let directions = Directions { system, geometry: &geometry };
     let [d, s] = [system.dofs().len(), system.springs().len()];
-    let NullSpaces { rank, gap, decided, motions, stresses, is_complete } =
+    let NullSpaces { rank, gap, decided, bounds, motions, stresses, is_complete } =
         if d.max(s) <= DENSE { directions.dense()? } else { directions.sparse()? };
     let rigid = orthonormal(rigid_motions(system, &state.positions));
+    let is_at_least = rank == 0 || bounds.above > 0.0;
+    let rank_is_exact = is_at_least && rank == largest_rank(system, state);
+    let below = if rank_is_exact { 0.0 } else { bounds.below };
     let mut result = Mechanisms {
         degrees_of_freedom: d,
         springs: s,
@@ -118,6 +130,9 @@ pub fn mechanisms(system: &System, state: &State) -> Result<Mechanisms> {
         self_stresses: s - rank,
         gap,
         decided: decided && rigid.len() <= d - rank,
+        proven: is_at_least && (rank_is_exact || rank == d || below < bounds.above),
+        proven_gap: [if rank == 0 { f64::NAN } else { bounds.above }, if rank == d { f64::NAN } else { below }],
+        rank_is_exact,
         prestress_stable: None,
         motions: Vec::new(),
         movers: Vec::new(),
@@ -155,6 +170,7 @@ struct NullSpaces {
     rank: usize,
     gap: [f64; 2],
     decided: bool,
+    bounds: Bounds,
     /// An orthonormal basis of the null space of B, and of that of Bᵀ.
     motions: Vec<Vec<f64>>,
     stresses: Vec<Vec<f64>>,
@@ -201,6 +217,7 @@ impl Directions<'_> {
                 rank: 0,
                 gap,
                 decided: true,
+                bounds: Bounds::NONE,
                 motions: unit(d),
                 stresses: unit(s),
                 is_complete: true,
@@ -230,39 +247,38 @@ impl Directions<'_> {
         let decided = rank == 0 || gap[0] >= KEPT * largest && (gap[1].is_nan() || gap[1] <= 10.0 * rounding * largest);
         let columns =
             |u: faer::MatRef<'_, f64>| (rank..u.ncols()).map(|k| u.col(k).iter().copied().collect()).collect();
-        Ok(NullSpaces {
-            rank,
-            gap,
-            decided,
-            motions: columns(v.as_ref()),
-            stresses: columns(u.as_ref()),
-            is_complete: true,
-        })
+        let motions: Vec<Vec<f64>> = columns(v.as_ref());
+        let mut bounds = Bounds { below: self.most_stretch(&motions), ..Bounds::NONE };
+        if rank > 0 {
+            let (a, delta) = self.gram()?;
+            let (mut factorization, mut work) = (Ldlt::analyse(a.pattern(), Par::Seq)?, Work::default());
+            let mut search = ShiftInvert::new(Pencil::of(&a), &mut factorization, &mut work);
+            bounds.above = least(&mut search, (0.5 * gap[0]).powi(2), delta, d - rank);
+        }
+        Ok(NullSpaces { rank, gap, decided, bounds, motions, stresses: columns(u.as_ref()), is_complete: true })
     }
 
     /// By the inertia of `BᵀB` and inverse iteration.
     fn sparse(&self) -> Result<NullSpaces> {
         let system = self.system;
         let d = system.dofs().len();
-        let ends: Vec<[usize; 2]> = self.rows().map(|(_, ends, _)| ends).collect();
-        let pattern = Arc::new(BlockPattern::new(system.dofs(), ends.iter().copied())?);
-        let mut a = SymmetricMatrix::zeros(pattern);
-        for (_, [i, j], n) in self.rows() {
-            let block = n * n.transpose();
-            a.add_diagonal_block(i, &block);
-            a.add_diagonal_block(j, &block);
-            if let Some(slot) = a.pattern().slot(i, j) {
-                a.add_block(slot, &-block);
-            }
-        }
+        let (a, delta) = self.gram()?;
         let norm = a.norm_inf(&mut vec![0.0; d]);
         let largest = norm.sqrt();
         let mut work = Work::default();
         let mut factorization = Ldlt::analyse(a.pattern(), Par::rayon(0))?;
         let mut search = ShiftInvert::new(Pencil::of(&a), &mut factorization, &mut work);
         // Below rounding of BᵀB, and well above: the same number, and nothing lies between.
-        let count = |search: &mut ShiftInvert<'_>, shift: f64| {
-            (0..8).find_map(|k| search.below(shift * norm * (1.0 + 0.01 * f64::from(k))))
+        let mut bounds = Bounds::NONE;
+        let mut count = |search: &mut ShiftInvert<'_>, shift: f64| {
+            let shifts = (0..8).map(|k| shift * norm * (1.0 + 0.01 * f64::from(k)));
+            shifts.into_iter().find_map(|shift| {
+                let count = search.below(shift)?;
+                let error = search.count_error + delta;
+                bounds =
+                    Bounds { above: root_below(shift - error), below: bounds.below.min(root_above(shift + error)) };
+                Some(count)
+            })
         };
         let [low, high] = [1e-13, 1e-9].map(|shift| count(&mut search, shift));
         let zeros = low.or(high).unwrap_or(d);
@@ -280,17 +296,18 @@ impl Directions<'_> {
             gap = [of(true).reduce(f64::min).unwrap_or(f64::NAN), of(false).reduce(f64::max).unwrap_or(f64::NAN)];
             decided =
                 complete && (found == d || gap[0] >= KEPT * largest) && (gap[1].is_nan() || gap[1] <= 1e-10 * largest);
+            let edge = search.edge.filter(|edge| pairs.iter().filter(|pair| pair.value < *edge).count() <= found);
+            bounds.above = edge.map_or(0.0, |edge| root_below(edge - search.count_error - delta));
             motions = pairs.into_iter().take(found).map(|pair| pair.vector).collect();
         }
         let is_complete = motions.len() == found;
-        Ok(NullSpaces {
-            rank: d - found,
-            gap,
-            decided,
-            motions: orthonormal(motions),
-            stresses: Vec::new(),
-            is_complete,
-        })
+        let motions = orthonormal(motions);
+        if motions.len() == found {
+            bounds.below = self.most_stretch(&motions);
+        } else if low != high {
+            bounds = Bounds::NONE;
+        }
+        Ok(NullSpaces { rank: d - found, gap, decided, bounds, motions, stresses: Vec::new(), is_complete })
     }
 
     /// Whether tensions stiffen all motions of a set: those at hand, or else the only state of self-stress, where these states are known.

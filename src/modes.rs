@@ -8,7 +8,8 @@
 //!
 //! **Counted.** By Sylvester's law `−K − σM = L D Lᵀ` has as many negative pivots as there are ω² < σ. With σ just below the last mode reported, that
 //! number proves that none is missing. Each ω² is enclosed by the residual of its mode, `‖M^{-1/2}(−Kφ − ω²Mφ)‖` (Parlett, The Symmetric Eigenvalue
-//! Problem, 15.9).
+//! Problem, 15.9). With all rounding errors of residuals and of the count bounded (`eigen/enclosure.rs`, `linear/certificate.rs`) count and enclosures
+//! are theorems about the stored K and M.
 //!
 //! **Zero modes.** Rigid motions of a body that nothing strains or holds, and mechanisms, have ω² = 0 up to rounding of K. The search starts from the
 //! rigid motions, which are known. An eigenvalue within rounding of zero counts as zero: rounding of sums, relative to ‖M⁻¹K‖, and that of positions, which
@@ -19,7 +20,7 @@
 mod hanging;
 
 use crate::assembly::SymmetricMatrix;
-use crate::eigen::{Accuracy, BlockLanczos, Eigenpair, End, Pencil, Search, ShiftInvert, Tolerance};
+use crate::eigen::{Accuracy, BlockLanczos, Eigenpair, End, Pencil, Search, ShiftInvert, Tolerance, enclosures};
 use crate::error::{Error, Invalid, Result, check_length};
 use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
 use crate::integrate::Matrices;
@@ -54,6 +55,9 @@ pub struct Mode {
     pub vector: Vec<f64>,
     /// `‖M^{-1/2}(−Kφ − ω²Mφ)‖`, in 1/s²: an eigenvalue lies within this distance of ω².
     pub residual: f64,
+    /// A bound of the error of ω², in 1/s², with all rounding errors: as many eigenvalues lie within these distances as there are modes. Where
+    /// [`Modes::proven`] the k-th lowest eigenvalue lies within that of the k-th lowest mode. Infinite where nothing is shown.
+    pub error_bound: f64,
     /// `φᵀ(−G)φ/(2ω)`; `None` where ω² is not positive.
     pub damping_ratio: Option<f64>,
     /// `(φᵀ M e)²` for unit motions e of all particles along x, y and z, in kg.
@@ -89,8 +93,9 @@ pub struct Modes {
     pub gap: [f64; 2],
     /// Whether the number of eigenvalues below `counted_below` proves that no mode is missing.
     pub complete: bool,
-    /// Whether that number is a theorem about the stored matrices: with a rigorous bound of the rounding errors of the count, all modes
-    /// counted lie below a shift under which there are no more eigenvalues. Otherwise the count holds to rounding.
+    /// Whether that number is a theorem about the stored matrices: with a rigorous bound of the rounding errors of the count, the intervals
+    /// that [`Mode::error_bound`] gives hold as many eigenvalues as there are modes below a shift, and no more lie below it. Otherwise the count
+    /// holds to rounding.
     pub proven: bool,
     /// A shift just below the last mode, in 1/s².
     pub counted_below: f64,
@@ -169,7 +174,8 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         let wanted = (count + rigid_motions).min(order);
         let pairs = uncounted(system, state, &stiffness, masses, &rigid, wanted, &mut work)?;
         (result.complete, result.proven, result.counted_below) = (false, false, f64::NAN);
-        result.sort(pairs, count, &rounding);
+        let bounds = enclosures(&Pencil { masses: Some(masses), ..Pencil::of(&stiffness) }, &pairs);
+        result.sort(pairs, &bounds, count, &rounding);
         result.name_hanging(system);
         result.work = work;
         return Ok(result);
@@ -210,9 +216,15 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         result.complete = search.below(result.counted_below) == Some(found);
     }
     let lowest = result.counted_below - search.count_error;
-    let mut counted = pairs.iter().filter(|pair| pair.value < result.counted_below);
-    result.proven = result.complete && counted.all(|pair| pair.value + pair.residual < lowest);
-    result.sort(pairs, count, &rounding);
+    let mut bounds = enclosures(&pencil, &pairs);
+    let counted = pairs.iter().filter(|pair| pair.value < result.counted_below).count();
+    let is_below = |(pair, bound): (&Eigenpair, &f64)| pair.value + bound < lowest;
+    result.proven = result.complete && lowest.is_finite() && pairs.iter().zip(&bounds).take(counted).all(is_below);
+    // Of those that are not counted no eigenvalue lies below the shift.
+    for (pair, bound) in pairs.iter().zip(&mut bounds).skip(counted).filter(|_| result.proven) {
+        *bound = bound.max((pair.value - lowest) * (1.0 + f64::EPSILON));
+    }
+    result.sort(pairs, &bounds, count, &rounding);
     result.name_hanging(system);
     result.work = work;
     Ok(result)
@@ -393,7 +405,7 @@ pub(crate) fn imbalance(system: &System, state: &State) -> Result<f64> {
 }
 
 impl Mode {
-    fn new(pair: Eigenpair, dofs: &DofMap, masses: &[f64], damping: &SymmetricMatrix) -> Self {
+    fn new(pair: Eigenpair, error_bound: f64, dofs: &DofMap, masses: &[f64], damping: &SymmetricMatrix) -> Self {
         let Eigenpair { value: eigenvalue, mut vector, residual } = pair;
         // One of the two signs, the same each time.
         let largest =
@@ -408,7 +420,7 @@ impl Mode {
         for ((dof, u), mass) in dofs.iter().zip(&vector).zip(masses) {
             participation[dof.axis] += mass * u;
         }
-        Self { eigenvalue, vector, residual, damping_ratio, effective_mass: participation.map(|p| p * p) }
+        Self { eigenvalue, vector, residual, error_bound, damping_ratio, effective_mass: participation.map(|p| p * p) }
     }
 }
 
@@ -425,12 +437,13 @@ pub struct StateSpace {
 
 impl Modes {
     /// Takes over pairs, ascending: zero modes, and `count` others.
-    fn sort(&mut self, pairs: Vec<Eigenpair>, count: usize, rounding: &Rounding<'_>) {
-        let (zeros, others): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|pair| rounding.hides(pair));
-        let largest = |bound: f64, pair: &Eigenpair| bound.max(pair.value.abs());
-        let smallest = |bound: f64, pair: &Eigenpair| bound.min(pair.value.abs());
-        self.gap = [zeros.iter().fold(0.0, largest), others.iter().fold(f64::INFINITY, smallest)];
-        let mode = |pair: Eigenpair| Mode::new(pair, &self.dofs, &self.masses, &self.damping);
+    fn sort(&mut self, pairs: Vec<Eigenpair>, bounds: &[f64], count: usize, rounding: &Rounding<'_>) {
+        let pairs = pairs.into_iter().zip(bounds);
+        let (zeros, others): (Vec<_>, Vec<_>) = pairs.partition(|(pair, _)| rounding.hides(pair));
+        let sizes = |pairs: &[(Eigenpair, &f64)]| pairs.iter().map(|(pair, _)| pair.value.abs()).collect::<Vec<_>>();
+        let smallest = sizes(&others).into_iter().fold(f64::INFINITY, f64::min);
+        self.gap = [sizes(&zeros).into_iter().fold(0.0, f64::max), smallest];
+        let mode = |(pair, bound): (Eigenpair, &f64)| Mode::new(pair, *bound, &self.dofs, &self.masses, &self.damping);
         self.zero_modes = zeros.into_iter().map(mode).collect();
         self.modes = others.into_iter().take(count).map(mode).collect();
     }

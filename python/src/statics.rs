@@ -90,12 +90,13 @@ pub fn modes(py: Python<'_>, system: &System, given: Given<'_>, count: usize) ->
 
 #[pymethods]
 impl Modes {
-    /// ω², residuals, damping ratios (NaN where there is none), and effective masses by rows.
+    /// ω², residuals, bounds of errors, damping ratios (NaN where there is none), and effective masses by rows.
     #[allow(clippy::type_complexity)]
     fn values<'py>(
         &self,
         py: Python<'py>,
     ) -> PyResult<(
+        Bound<'py, PyArray1<f64>>,
         Bound<'py, PyArray1<f64>>,
         Bound<'py, PyArray1<f64>>,
         Bound<'py, PyArray1<f64>>,
@@ -106,6 +107,7 @@ impl Modes {
         Ok((
             of(|mode| mode.eigenvalue),
             of(|mode| mode.residual),
+            of(|mode| mode.error_bound),
             of(|mode| mode.damping_ratio.unwrap_or(f64::NAN)),
             shaped(py, masses, [self.found.modes.len(), self.dimension])?,
         ))

@@ -38,6 +38,8 @@ def test_modes_of_random_systems_are_those_of_a_dense_solver(dimension, seed):
     assert found.zero_modes == zeros
     others = expected[abs(expected) >= 1e-12 * scale]
     np.testing.assert_allclose(found.eigenvalues, others[: len(found)], atol=1e-10 * scale)
+    assert (abs(found.eigenvalues - others[: len(found)]) <= found.error_bounds + 1e-13 * scale).all()
+    assert (found.error_bounds[:-1] < 1e-9 * scale).all()
     assert len(found) == min(6, len(others)) and found.complete and found.proven
     # The count includes zero modes.
     below = np.count_nonzero(expected < found.counted_below)
@@ -261,6 +263,7 @@ def test_mechanisms_of_a_square(diagonals, rank, mechanisms, stresses):
     found = sprung.mechanisms(system)
     assert (found.degrees_of_freedom, found.springs, found.rank) == (8, 4 + diagonals, rank)
     assert (found.mechanisms, found.rigid_motions, found.self_stresses, found.decided) == (mechanisms, 3, stresses, True)
+    assert found.proven and found.rank_is_exact and 0 < found.proven_gap[0] <= found.gap[0] and found.proven_gap[1] == 0
     assert found.motions.shape == (mechanisms - 3, 4, 2) and found.self_stress.shape == (stresses, 4 + diagonals)
     first, second = system.pairs.T.astype(int)
     x = system.initial_state().positions
@@ -291,6 +294,7 @@ def test_mechanisms_of_a_tensegrity_prism():
     assert (found.degrees_of_freedom, found.springs, found.rank) == (18, 12, 11)
     assert (found.mechanisms, found.rigid_motions, found.self_stresses) == (7, 6, 1)
     assert found.prestress_stable is True and found.decided
+    assert found.proven and not found.rank_is_exact and 0 < found.proven_gap[1] < 1e-13
     stress = found.self_stress[0] / found.self_stress[0, 6]
     # Cables in tension, struts in compression.
     np.testing.assert_allclose(stress[6:], [1, 1, 1, *3 * [stress[9]]], rtol=1e-9)

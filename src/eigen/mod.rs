@@ -26,8 +26,10 @@
 //! **Preconditioned**, with T about B⁻¹, the vectors `T r` extend V: Davidson's method. Its space holds those of LOBPCG (Knyazev, SIAM
 //! J. Sci. Comput. 23, 2001), so that its Ritz values are no worse, step by step.
 
+mod enclosure;
 mod shift_invert;
 
+pub(crate) use enclosure::{enclosures, gamma};
 pub(crate) use shift_invert::{Accuracy, Pencil, ShiftInvert, eigenpair};
 pub use shift_invert::{Lowest, lowest};
 

@@ -232,7 +232,36 @@ fn searches_do_not_creep_where_little_is_negative() {
     }
 }
 
-/// Taylor's theorem for a random cost at a hanging net: what the gradient leaves is of second order in the change, for every kind of parameter.
+/// A free square with stressed diagonals that a loose tolerance leaves out of balance: its rotation is no stiffer than the forces left over lengths, in
+/// millimetres as in kilometres.
+#[test]
+fn forces_left_hide_a_rotation_at_any_size() {
+    for size in [1e-3, 1.0, 1e3] {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        for [x, y] in [[0.0, 0.0], [1.0, 2e-4], [1.0, 1.0], [-1e-4, 1.0]] {
+            builder.particle([size * x, size * y, 0.0], 1.0);
+        }
+        // Tensions of 1 in the sides, and of −√2 in the diagonals.
+        for ([i, j], length, tension) in [
+            ([0, 1], 1.0, 1.0),
+            ([1, 2], 1.0, 1.0),
+            ([2, 3], 1.0, 1.0),
+            ([3, 0], 1.0, 1.0),
+            ([0, 2], 2f64.sqrt(), -(2f64.sqrt())),
+            ([1, 3], 2f64.sqrt(), -(2f64.sqrt())),
+        ] {
+            builder.spring(i, j, spring(20.0, size * length / (1.0 + tension / 20.0)));
+        }
+        let (system, state) = builder.build().unwrap();
+        let options = EquilibriumOptions { tolerance: 0.05, ..EquilibriumOptions::default() };
+        let found = equilibrium(&system, &state, options).unwrap();
+        assert!(found.residual > 1e-4, "{size}: nothing is left, {}", found.residual);
+        assert_eq!(found.inertia, Signs { negative: 0, zero: 3, positive: 5 }, "{size}");
+    }
+}
+
+/// Taylor's theorem for a random cost at a hanging net under a part of its load: what the gradient leaves is of second order in the change, for every
+/// kind of parameter.
 #[test]
 fn the_gradient_is_that_of_the_equilibrium() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
@@ -274,6 +303,8 @@ fn the_gradient_is_that_of_the_equilibrium() {
         forces[5] = Vector3::new(1.0, 2.0 + h * change[63], 3.0);
         (system.with_loads(Loads { forces, ..Loads::default() }).unwrap(), state)
     };
+    let options = EquilibriumOptions { load: 0.7, ..EquilibriumOptions::default() };
+    let find = |system: &System, state: &State| equilibrium(system, state, options).unwrap();
     let (system, state) = build(0.0);
     let base = find(&system, &state);
     let gradient = base.gradient(&system, &cost).unwrap();

@@ -2,13 +2,14 @@ use super::jacobian::Jacobian;
 use super::*;
 use crate::linear::norm;
 use crate::spring::Spring;
-use crate::system::{Constraint, Loads, Motion, SystemBuilder};
+use crate::system::{Constraint, Curve, Loads, Motion, SystemBuilder};
 use rand::rngs::Xoshiro256PlusPlus;
 use rand::{RngExt, SeedableRng};
 
 const METHODS: [Method; 4] = [Method::BackwardEuler, Method::ImplicitMidpoint, Method::Bdf2, Method::Verlet];
 
-/// A damped net of seven particles in motion, one held and, for implicit methods, one led, with parameters changed by h times `change`.
+/// A net of seven particles in motion, one held and, for implicit methods, one led, with parameters changed by h times `change`; where it is damped,
+/// gravity changes in time.
 struct Net {
     change: Parameters,
     has_moving: bool,
@@ -67,7 +68,10 @@ impl Net {
             }
         }
         let forces = change.loads.iter().map(|load| load * h).collect();
-        (system.with_loads(Loads { forces, ..Loads::default() }).unwrap(), state)
+        let turned = |k: i32| gravity + Vector3::new(3.0, 4.0, -2.0) * f64::from(k);
+        let path = Curve { times: vec![0.0, 0.04, 0.1], values: [0, 1, 3].map(turned).to_vec() };
+        let gravity = (self.damping > 0.0).then_some(path);
+        (system.with_loads(Loads { forces, gravity, ..Loads::default() }).unwrap(), state)
     }
 
     /// ∂/∂b of what is built from `damping · (2 + h δb)`.

@@ -5,7 +5,7 @@ use rand::rngs::Xoshiro256PlusPlus;
 use rand::{RngExt, SeedableRng};
 use std::f64::consts::PI;
 
-fn framework(dimension: usize, places: &[[f64; 3]], bars: &[[usize; 2]], held: &[usize]) -> (System, State) {
+pub(super) fn framework(dimension: usize, places: &[[f64; 3]], bars: &[[usize; 2]], held: &[usize]) -> (System, State) {
     let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
     for &x in places {
         builder.particle(x, 1.0);
@@ -86,14 +86,22 @@ fn a_tensegrity_prism_is_stiffened_by_prestress() {
     let found = prism(30.0);
     assert_eq!((found.rank, found.mechanisms, found.rigid_motions, found.self_stresses), (11, 7, 6, 1));
     assert_eq!((found.decided, found.prestress_stable), (true, Some(true)));
+    // Eleven of twelve springs: nothing but rounded numbers says that the last singular value is zero.
+    assert!(found.proven && !found.rank_is_exact && found.proven_gap[1] < 1e-13, "{:?}", found.proven_gap);
     let stress = &found.self_stress[0];
     // Horizontal cables 1, vertical ones 1.126, struts −2.175, as force densities times lengths.
     let ratio = |k: usize| stress[k] / stress[0];
     assert!((ratio(1) - 1.0).abs() < 1e-10 && ratio(2) > 0.0 && ratio(3) < 0.0, "{stress:?}");
     let found = prism(31.0);
     assert_eq!((found.rank, found.mechanisms, found.self_stresses, found.decided), (12, 6, 0, true));
-    // A nanometre off is neither one nor the other.
+    assert!(found.proven && found.rank_is_exact && found.proven_gap[1] == 0.0);
+    // A nanometre off is neither one nor the other; a count of eigenvalues of BᵀB proves half of the digits.
     assert!(!prism(30.0 + 1e-9).decided);
+    for (off, is_proven) in [(1e-3, true), (1e-4, true), (1e-6, false)] {
+        let found = prism(30.0 + off);
+        assert_eq!((found.rank, found.decided, found.proven, found.rank_is_exact), (12, true, is_proven, is_proven));
+        assert!(found.proven_gap[0] <= 0.5 * found.gap[0] && (found.proven_gap[0] > 0.3 * found.gap[0]) == is_proven);
+    }
 }
 
 /// K₃,₃ in the plane is rigid, but on a conic it has a mechanism and a self-stress; so has the octahedron in space none.
@@ -116,6 +124,37 @@ fn frameworks_of_the_textbooks() {
         (found.springs, found.rank, found.mechanisms, found.rigid_motions, found.self_stresses),
         (12, 12, 6, 6, 0)
     );
+}
+
+/// A particle between two supports on a line moves across it against Σ T/l: the shorter spring decides, though the longer one has the larger tension.
+#[test]
+fn prestress_stiffens_by_tension_over_length() {
+    let judged = |signs: [f64; 2]| {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        for x in [0.0, 3.0, 4.0] {
+            builder.particle([x, 0.0, 0.0], 1.0);
+        }
+        // T of 1 N over 3 m and of ½ N over 1 m.
+        for ([i, j], length, tension) in [([0, 1], 3.0, signs[0]), ([1, 2], 1.0, 0.5 * signs[1])] {
+            builder.spring(i, j, Spring { stiffness: 10.0, rest_length: length / (1.0 + 0.1 * tension), damping: 0.0 });
+        }
+        builder.hold(0).hold(2);
+        let (system, state) = builder.build().unwrap();
+        mechanisms(&system, &state).unwrap().prestress_stable
+    };
+    assert_eq!([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0]].map(judged), [Some(true), Some(false), Some(true)]);
+}
+
+/// Three squares in a row have three mechanisms, and as many springs as that take all of them away.
+#[test]
+fn added_springs_take_all_mechanisms_away() {
+    let places: Vec<[f64; 3]> = (0..8).map(|p| [f64::from(p / 2), f64::from(p % 2), 0.0]).collect();
+    let mut bars: Vec<[usize; 2]> = (0..4).map(|k| [2 * k, 2 * k + 1]).collect();
+    bars.extend((0..6).map(|k| [k, k + 2]));
+    let found = find(2, &places, &bars, &[]);
+    assert_eq!((found.mechanisms, found.rigid_motions, found.added_springs.len()), (6, 3, 3));
+    let found = find(2, &places, &[bars, found.added_springs].concat(), &[]);
+    assert_eq!((found.mechanisms, found.rigid_motions), (3, 3));
 }
 
 /// Random frameworks: the sparse way finds the rank that the dense one finds, and motions that stretch nothing.

@@ -119,7 +119,7 @@ impl Graph {
 mod tests {
     use super::*;
     use crate::spring::Spring;
-    use crate::system::SystemBuilder;
+    use crate::system::{Axes, Constraint, SystemBuilder};
 
     fn parts(particles: usize, pairs: &[[usize; 2]], held: &[usize]) -> Vec<Vec<usize>> {
         let mut builder = SystemBuilder::new();
@@ -146,6 +146,20 @@ mod tests {
         assert_eq!(parts(11, &[&pairs[..], &[[2, 3]]].concat(), &[]), [vec![6, 7]]);
         // The largest component carries the rest, wherever it is.
         assert_eq!(parts(5, &[[0, 1], [1, 2], [2, 3], [3, 4], [4, 2]], &[]), [vec![0, 1]]);
+    }
+
+    /// A particle on a roller is part of the ground.
+    #[test]
+    fn parts_hang_from_rollers() {
+        let mut builder = SystemBuilder::new();
+        (0..4).for_each(|p| {
+            builder.particle([p as f64, (p * p) as f64, 0.0], 1.0);
+        });
+        for [i, j] in [[0, 1], [1, 2], [2, 3], [3, 1]] {
+            builder.spring(i, j, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        }
+        builder.constrain(Constraint { axes: Axes::of(&[1]), ..Constraint::hold([0]) });
+        assert_eq!(hanging(&builder.build().unwrap().0), [vec![1, 2, 3]]);
     }
 
     #[test]

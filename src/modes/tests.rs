@@ -225,7 +225,7 @@ fn modes_without_a_factorization_are_the_same() {
 }
 
 /// Far from the origin, coordinates are rounded so coarsely that springs at rest are strained by 1e-13: the motions of a chain that bends freely are zero
-/// modes there as well.
+/// modes there as well, whatever the masses.
 #[test]
 fn zero_modes_far_from_the_origin_are_zero_modes() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(3_2026);
@@ -234,7 +234,7 @@ fn zero_modes_far_from_the_origin_are_zero_modes() {
             (0..6).map(|p| [f64::from(p) + rng.random_range(0.0..0.7), rng.random_range(0.0..0.7), 0.0]).collect();
         let mut builder = SystemBuilder::new();
         for x in &place {
-            builder.particle([x[0], x[1], x[2] + 1000.7], 1.0);
+            builder.particle([x[0], x[1], x[2] + 1000.7], [1.0, 1e-6, 1e6][trial % 3]);
         }
         for p in 1..6 {
             let length = (0..3).map(|axis| (place[p][axis] - place[p - 1][axis]).powi(2)).sum::<f64>().sqrt();

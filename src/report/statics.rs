@@ -150,6 +150,7 @@ pub struct ModesRecord<'a> {
     damping_ratios: Vec<Option<f64>>,
     effective_masses: Vec<[f64; 3]>,
     residuals: Vec<f64>,
+    error_bounds: Vec<f64>,
     gap: [f64; 2],
     imbalance: f64,
     complete: bool,
@@ -173,6 +174,7 @@ impl<'a> ModesRecord<'a> {
             damping_ratios: modes().map(|mode| mode.damping_ratio).collect(),
             effective_masses: modes().map(|mode| mode.effective_mass).collect(),
             residuals: modes().map(|mode| mode.residual).collect(),
+            error_bounds: modes().map(|mode| mode.error_bound).collect(),
             gap: found.gap,
             imbalance: found.imbalance,
             complete: found.complete,
@@ -280,6 +282,9 @@ pub struct MechanismsRecord<'a> {
     self_stresses: usize,
     gap: [f64; 2],
     decided: bool,
+    proven: bool,
+    proven_gap: [f64; 2],
+    rank_is_exact: bool,
     prestress_stable: Option<bool>,
     movers: &'a [Vec<usize>],
     added_springs: &'a [[usize; 2]],
@@ -300,6 +305,9 @@ impl<'a> MechanismsRecord<'a> {
             self_stresses,
             gap,
             decided: found.decided,
+            proven: found.proven,
+            proven_gap: found.proven_gap,
+            rank_is_exact: found.rank_is_exact,
             prestress_stable: found.prestress_stable,
             movers: &found.movers,
             added_springs: &found.added_springs,
@@ -311,6 +319,16 @@ impl<'a> MechanismsRecord<'a> {
 fn self_stresses(found: &Mechanisms) -> String {
     let states = if found.self_stresses == 1 { "state" } else { "states" };
     format!("{} {states} of self-stress", found.self_stresses)
+}
+
+/// The certainty of the rank in words.
+fn certainty(found: &Mechanisms) -> String {
+    let [above, below] = found.proven_gap.map(pretty);
+    match (found.rank_is_exact, found.proven) {
+        (true, _) => "proven".into(),
+        (_, true) => format!("proven: so many singular values above {above}, the others below {below}"),
+        _ => "to rounding".into(),
+    }
 }
 
 /// Mechanisms in words.
@@ -325,9 +343,10 @@ pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
     let [springs, freedoms] = [count(found.springs, "spring"), count(found.degrees_of_freedom, "degree of freedom")];
     let _ = writeln!(
         text,
-        "  rank {} of {springs} on {}",
+        "  rank {} of {springs} on {} ({})",
         found.rank,
-        freedoms.replace("degree of freedoms", "degrees of freedom")
+        freedoms.replace("degree of freedoms", "degrees of freedom"),
+        certainty(found)
     );
     let _ = writeln!(text, "  {}", self_stresses(found));
     if !found.decided {

@@ -7,6 +7,7 @@ mod exactness_sample;
 #[path = "statics.rs"]
 mod statics_sample;
 mod stochastic;
+mod stochastic_step;
 #[path = "study.rs"]
 mod study_sample;
 #[path = "zoo.rs"]

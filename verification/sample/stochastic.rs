@@ -13,10 +13,10 @@ use std::cell::RefCell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// Draws for each of the configurations.
-const DRAWS: usize = 1000;
+pub const DRAWS: usize = 1000;
 
 /// 2u: the largest relative error of an operation.
-const UNIT: f64 = f64::EPSILON;
+pub const UNIT: f64 = f64::EPSILON;
 
 thread_local! {
     static COINS: RefCell<Xoshiro256PlusPlus> = RefCell::new(Xoshiro256PlusPlus::seed_from_u64(73));
@@ -24,7 +24,7 @@ thread_local! {
 
 /// A number whose operations round at random.
 #[derive(Debug, Clone, Copy)]
-struct Stochastic(f64);
+pub struct Stochastic(pub f64);
 
 impl Stochastic {
     /// One of the neighbours of an exact result: of that rounded to nearest, `near`, and the sign of what is left.
@@ -37,7 +37,7 @@ impl Stochastic {
         }
     }
 
-    fn sqrt(self) -> Self {
+    pub fn sqrt(self) -> Self {
         let root = self.0.sqrt();
         Self::of(root, (-root).mul_add(root, self.0))
     }

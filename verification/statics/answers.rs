@@ -2,7 +2,7 @@
 
 use super::code_aster::chain_of_eight;
 use super::mechanics::Model;
-use super::{Section, caught, code_aster, list};
+use super::{Section, caught, code_aster, list, published};
 use nalgebra::{Complex, DMatrix, DVector, Vector3};
 use sprung::equilibrium::{CriticalKind, EquilibriumOptions, Stability, equilibrium, load_path};
 use sprung::modes::modes;
@@ -360,9 +360,10 @@ pub fn section() -> Section {
             Err(error) => failures.push(format!("response to a load on mass {}: {error}", mass + 1)),
         }
     }
-    let (table, wrong) = code_aster::table();
-    text.push_str(&table);
-    failures.extend(wrong);
+    for (table, wrong) in [code_aster::table(), published::table()] {
+        text.push_str(&table);
+        failures.extend(wrong);
+    }
     text.push_str("\nScenes with double modes in closed form; the error is that of ω² over the largest ω².\n\n| scene | modes | of these equal to the one before | error | complete |\n|---|---|---|---|---|\n");
     for (name, count, of) in double_modes() {
         match caught(of) {

@@ -272,6 +272,8 @@ fn rigid_motions(model: &Model, x: &[Vector3<f64>]) -> usize {
 /// How a framework was judged.
 pub struct Judged {
     pub decided: bool,
+    /// The gap is proven, and the rank exactly.
+    pub proven: [bool; 2],
     pub self_stresses: usize,
     /// Mechanisms that are no rigid motions.
     pub beside_rigid: usize,
@@ -305,6 +307,16 @@ pub fn judged(framework: &Framework) -> sprung::Result<(Judged, Mechanisms)> {
         || found.self_stresses + found.rank != s
     {
         wrong.push(format!("counts that do not add up: d {d}, s {s}"));
+    }
+    // Bounds that are proven hold for the computed singular values, to their rounding.
+    let rounding = 1e-15 * (s.max(d) as f64) * values.first().copied().unwrap_or(0.0);
+    let [above, below] = found.proven_gap;
+    let value = |k: usize| values.get(k).copied().unwrap_or(0.0);
+    if found.proven && found.rank > 0 && above > value(found.rank - 1) + rounding
+        || found.proven && found.rank < d && below + rounding < value(found.rank)
+        || found.rank_is_exact && matches!(true_rank, Rank::Clear(rank) if rank != found.rank)
+    {
+        wrong.push(format!("singular values are not {above:e} above and {below:e} below, as proven"));
     }
     let is_large = s.max(d) > 1200;
     if let (Rank::Clear(_), true, true) = (true_rank, found.decided, wrong.is_empty()) {
@@ -351,6 +363,7 @@ pub fn judged(framework: &Framework) -> sprung::Result<(Judged, Mechanisms)> {
     }
     let judged = Judged {
         decided: found.decided,
+        proven: [found.proven, found.rank_is_exact],
         self_stresses: found.self_stresses,
         beside_rigid: found.mechanisms.saturating_sub(found.rigid_motions),
         wrong,
@@ -499,9 +512,9 @@ pub fn section(seeds: Range<u64>) -> Section {
     let mut text = format!(
         "## Frameworks\n\nSeeds {} to {}: ten kinds of frameworks of 3 to 30 particles, free or on supports, and every {LARGE_EVERY}th seed a grid of 625 that is too large for the \
          dense decomposition of the library. The rank is held to singular values (nalgebra) of a matrix written a second time. Where one lies between rounding and 1e-9 of the \
-         largest, the rank must be undecided, elsewhere decided. Beside the rank: rigid motions, that the motions stretch nothing, that the self-stresses are balanced, that \
+         largest, the rank must be undecided, elsewhere decided. Beside the rank: rigid motions, that the motions stretch nothing, that the self-stresses are balanced, bounds of the gap that are proven, that \
          each is a basis, that every spring added raises the rank by one, and the definiteness of the only self-stress on the motions.\n\n\
-         | kind | frameworks | of which have motions beside rigid ones or self-stress | undecided | wrong |\n|---|---|---|---|---|\n",
+         | kind | frameworks | of which have motions beside rigid ones or self-stress | undecided | gap proven | rank exact | wrong |\n|---|---|---|---|---|---|---|\n",
         seeds.start,
         seeds.end - 1
     );
@@ -517,10 +530,12 @@ pub fn section(seeds: Range<u64>) -> Section {
             of.iter().filter(|(_, judged)| judged.as_ref().map_or(true, |judged| !judged.wrong.is_empty())).count();
         let _ = writeln!(
             text,
-            "| {kind} | {} | {} | {} | {wrong} |",
+            "| {kind} | {} | {} | {} | {} | {} | {wrong} |",
             of.len(),
             count(&|judged| judged.self_stresses > 0 || judged.beside_rigid > 0),
-            count(&|judged| !judged.decided)
+            count(&|judged| !judged.decided),
+            count(&|judged| judged.proven[0]),
+            count(&|judged| judged.proven[1])
         );
     }
     for (seed, judged) in &all {

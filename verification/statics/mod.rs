@@ -9,12 +9,14 @@
 //! | `vibrations` | modes of planted scenes, held to dense eigenvalues |
 //! | `answers` | closed forms: catenary, two-bar truss, chain, rings, membrane |
 //! | `code_aster` | published answers for a damped chain: harmonic and random response, complex modes |
+//! | `published` | published frequencies of an elastic network and of a prestressed tensegrity |
 
 pub mod answers;
 pub mod code_aster;
 pub mod equilibria;
 pub mod frameworks;
 pub mod mechanics;
+pub mod published;
 pub mod scenes;
 pub mod vibrations;
 

@@ -126,7 +126,10 @@ class Modes:
     effective_masses : ndarray, shape (n, dimension)
         In kg.
     residuals : ndarray, shape (n,)
-        An eigenvalue lies within this distance of the one reported, in 1/s**2.
+        An eigenvalue lies within this distance of the one reported, in 1/s**2, but for rounding of the residual.
+    error_bounds : ndarray, shape (n,)
+        Bounds with all rounding errors, in 1/s**2: where ``proven``, that of mode k holds for the k-th eigenvalue. Infinite where nothing is
+        shown.
     zero_modes : int
         Rigid motions and mechanisms.
     zero_shapes : ndarray, shape (zero_modes, particles, dimension)
@@ -147,7 +150,8 @@ class Modes:
     def __init__(self, system: System, native: Any) -> None:
         self.system = system
         self._native = native
-        self.eigenvalues, self.residuals, self.damping_ratios, self.effective_masses = native.values()
+        values = native.values()
+        self.eigenvalues, self.residuals, self.error_bounds, self.damping_ratios, self.effective_masses = values
         with np.errstate(invalid="ignore"):
             self.frequencies: Floats = np.sqrt(self.eigenvalues) / (2 * np.pi)
         figures = native.figures()
@@ -240,6 +244,13 @@ class Mechanisms:
         counted.
     decided : bool
         Whether rounding leaves no singular value open.
+    proven : bool
+        Whether the gap is a theorem about the springs' directions at the stored positions: ``rank`` singular values are at least
+        ``proven_gap[0]``, and the others at most ``proven_gap[1]``.
+    proven_gap : tuple
+        NaN where nothing is proven, or where there are no such values.
+    rank_is_exact : bool
+        Whether the rank is proven in exact arithmetic: from below by a count, from above by the springs and rigid motions of each body.
     prestress_stable : bool or None
         Whether prestress stiffens all mechanisms beside rigid motions; ``None`` without such mechanisms, or where this was not decided.
     movers : list of list of int
@@ -263,6 +274,9 @@ class Mechanisms:
         self.self_stresses: int = data["self_stresses"]
         self.gap = tuple(np.nan if value is None else value for value in data["gap"])
         self.decided: bool = data["decided"]
+        self.proven: bool = data["proven"]
+        self.proven_gap = tuple(np.nan if value is None else value for value in data["proven_gap"])
+        self.rank_is_exact: bool = data["rank_is_exact"]
         self.prestress_stable: bool | None = data["prestress_stable"]
         self.movers: list[list[int]] = data["movers"]
         self.added_springs = [tuple(pair) for pair in data["added_springs"]]

@@ -215,7 +215,7 @@ fn gmsh_is_read_in_versions_two_and_four() {
     assert_square(four.concat());
 }
 
-/// Solid elements have as many edges as their kind, and a cube shares none.
+/// Solid elements have as many edges as their kind, three at every corner and four at the top of a pyramid.
 #[test]
 fn solids_become_their_edges() {
     let corners: String = (0..8).map(|c| format!("{} {} {}\n", (c ^ c >> 1) & 1, c >> 1 & 1, c >> 2)).collect();
@@ -227,6 +227,9 @@ fn solids_become_their_edges() {
         );
         let mesh = read(text).unwrap();
         assert_eq!((mesh.edges.len(), mesh.triangles.len()), (edges, 0), "{kind}");
+        let at = |corner: u32| mesh.edges.iter().flatten().filter(|&&end| end == corner).count();
+        let is_top = |corner: u32| kind == 14 && corner == 4;
+        assert!((0..count).all(|corner| at(corner) == if is_top(corner) { 4 } else { 3 }), "{kind}");
         if kind == 12 {
             let lengths =
                 mesh.edges.iter().map(|&[i, j]| (mesh.vertices[i as usize] - mesh.vertices[j as usize]).norm());
