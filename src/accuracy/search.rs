@@ -172,7 +172,8 @@ impl Candidate {
         Self { control, ..self }
     }
 
-    /// The factor by which the finer run is expected to be better: half of the digits that the order promises.
+    /// i, by which errors of the finer run are expected to be smaller: half of the digits that the order promises. With `e' ≤ e/i` two runs
+    /// are at least `e − e' ≥ (i − 1) e'` apart.
     fn improvement(&self) -> f64 {
         FINER.powf(0.5 * f64::from(self.configuration.method.order()))
     }
@@ -252,7 +253,8 @@ pub fn run_to_accuracy<O: Observer>(
             Attempt::Failed => break Verdict::Unconfirmed("finer runs break down".into()),
         };
         let estimate = coarse.estimated_error.unwrap_or(f64::INFINITY);
-        let allowed = accuracy.max(LINEAR.min(accuracy * candidate.improvement()));
+        let improvement = candidate.improvement();
+        let allowed = accuracy.max(LINEAR.min(accuracy * (improvement - 1.0)));
         until = coarse.predictable_until;
         if estimate <= allowed {
             let second = candidate.finer(FINER);
@@ -269,7 +271,7 @@ pub fn run_to_accuracy<O: Observer>(
                 }
             };
             let apart = relative_position_error(&fine.state.positions, &coarse.state.positions, &start.positions);
-            let error = apart.max(estimate) / candidate.improvement();
+            let error = (apart / (improvement - 1.0)).max(estimate / improvement);
             let agrees = apart <= AGREEMENT * estimate || apart <= accuracy / AGREEMENT;
             if agrees && error <= accuracy {
                 fine.estimated_error = Some(error);
