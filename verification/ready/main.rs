@@ -238,8 +238,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             let (done, open): (Vec<_>, Vec<_>) =
                 sizes.iter().partition(|&&size| times(size) >= arguments.durations.len());
             let of = |sizes: Vec<&usize>| sizes.iter().map(|size| size.to_string()).collect::<Vec<_>>().join(", ");
-            let missing = if open.is_empty() { String::new() } else { format!(" (not all durations of {})", of(open)) };
-            format!("{} {}{missing}", kind.name(), of(done))
+            let missing = if open.is_empty() { String::new() } else { format!("(not all durations of {})", of(open)) };
+            let words = [kind.name().to_string(), of(done), missing];
+            words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
         })
         .collect();
     let scenes = records.len();
