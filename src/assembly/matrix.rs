@@ -87,6 +87,12 @@ impl SymmetricMatrix {
         Self { pattern: self.pattern.clone(), values }
     }
 
+    /// |A|: the sizes of all entries.
+    pub(crate) fn absolute(&self) -> Self {
+        let values = self.values.iter().map(|value| value.abs()).collect();
+        Self { pattern: self.pattern.clone(), values }
+    }
+
     /// The sum with a matrix on the same pattern.
     pub(crate) fn plus(mut self, other: &Self) -> Self {
         self.values.iter_mut().zip(&other.values).for_each(|(a, b)| *a += b);

@@ -90,16 +90,12 @@ impl Clusters<'_> {
 fn residuals(pencil: &Pencil<'_>, pairs: &[Eigenpair]) -> Vec<f64> {
     let (a, n) = (pencil.a, pencil.a.order());
     let roundings = gamma(entries_in_a_row(a) + 8);
+    let absolute = a.absolute();
     let (mut product, mut sizes) = (vec![0.0; n], vec![0.0; n]);
     let of = |pair: &Eigenpair| {
         a.apply(&pair.vector, &mut product);
-        sizes.fill(0.0);
-        for (row, column, value) in a.iter() {
-            sizes[row] += value.abs() * pair.vector[column].abs();
-            if row != column {
-                sizes[column] += value.abs() * pair.vector[row].abs();
-            }
-        }
+        let lengths: Vec<f64> = pair.vector.iter().map(|x| x.abs()).collect();
+        absolute.apply(&lengths, &mut sizes);
         let rows = product.iter().zip(&sizes).zip(&pair.vector).enumerate();
         let squares = rows.map(|(row, ((product, size), x))| {
             let mass = pencil.masses.map_or(1.0, |masses| masses[row]);
