@@ -16,6 +16,9 @@ use crate::system::{State, System};
 use faer::Par;
 use std::ops::ControlFlow;
 
+#[cfg(test)]
+mod tests;
+
 /// The accuracy required of an answer, and the choices of the search.
 #[derive(Debug, Clone, Copy)]
 pub struct AccuracyOptions {

@@ -1,0 +1,112 @@
+//! The parts of the search, by hand.
+
+use super::*;
+use crate::error::Error;
+use crate::spring::Spring;
+use crate::system::SystemBuilder;
+
+/// A particle of 1 kg on 10 N/m, held 1 m from its rest.
+fn oscillator() -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([1.0, 0.0, 0.0], 1.0);
+    builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+    builder.hold(0);
+    builder.build().unwrap()
+}
+
+fn options(accuracy: f64) -> AccuracyOptions {
+    AccuracyOptions {
+        accuracy,
+        duration: 2.0,
+        interval: 0.1,
+        par: Par::Seq,
+        method: None,
+        stiffness: None,
+        solver: None,
+    }
+}
+
+fn candidate(method: Method, control: StepControl) -> Candidate {
+    Candidate { configuration: Configuration { method, options: ImplicitOptions::default() }, control }
+}
+
+const ADAPTIVE: StepControl = StepControl::Adaptive { rtol: 1e-3, first_step: None };
+
+/// Steps half as long cost twice as much and are 2^p times as exact; half of these digits are expected.
+#[test]
+fn finer_runs_have_half_the_step() {
+    for (method, order) in [(Method::BackwardEuler, 1), (Method::Verlet, 2), (Method::Rodas4, 4), (Method::Dop853, 8)] {
+        let fixed = candidate(method, StepControl::Step(0.5));
+        assert_eq!(fixed.finer(2.0).control, StepControl::Step(0.25));
+        assert_eq!(fixed.cost_ratio(&fixed.finer(2.0)), 2.0);
+        assert!((fixed.improvement() - 2f64.powi(order).sqrt()).abs() < 1e-12, "{}", method.name());
+        assert!(!fixed.is_at_the_limit());
+
+        let adaptive = candidate(method, ADAPTIVE);
+        let StepControl::Adaptive { rtol, .. } = adaptive.finer(2.0).control else { panic!("steps were adaptive") };
+        assert!((rtol * 2f64.powi(order) / 1e-3 - 1.0).abs() < 1e-12, "{}: {rtol}", method.name());
+        assert!((adaptive.cost_ratio(&adaptive.finer(2.0)) - 2.0).abs() < 1e-12, "{}", method.name());
+        assert_eq!(fixed.cost_ratio(&adaptive), 1.0);
+    }
+    let finest = candidate(Method::Dop853, ADAPTIVE).finer(1e3);
+    assert_eq!(finest.control, StepControl::Adaptive { rtol: 1e-11, first_step: None });
+    assert!(finest.is_at_the_limit());
+}
+
+/// Verlet's method makes way for one of high order where steps four times as fine do not do, unless it was asked for.
+#[test]
+fn the_excess_of_the_error_decides_how_much_finer() {
+    let (system, start) = oscillator();
+    let fixed = |method| candidate(method, StepControl::Step(0.5));
+    let refined = |method, from: Method, error, excess| {
+        let options = AccuracyOptions { method, ..options(1e-4) };
+        let (go_on, costs): (&dyn Fn() -> bool, _) = (&|| true, CostModel::of(&system));
+        let observer = &mut ();
+        let search =
+            Search { system: &system, start: &start, options: &options, observer, go_on, costs, spent: 0.0, runs: 0 };
+        let next = search.refined(fixed(from), error, excess);
+        (next.configuration.method, next.control)
+    };
+    // A method of second order needs √(2 · 18) = 6 times as fine steps for 18 times the error allowed, √(2 · 4.5) = 3 times for 4.5.
+    let (bdf2, verlet) = (Method::Bdf2, Method::Verlet);
+    assert_eq!(refined(None, bdf2, Some(0.01), 18.0), (bdf2, StepControl::Step(0.5 / 6.0)));
+    assert_eq!(refined(None, verlet, Some(0.01), 4.5), (verlet, StepControl::Step(0.5 / 3.0)));
+    assert_eq!(refined(Some(verlet), verlet, Some(0.01), 18.0), (verlet, StepControl::Step(0.5 / 6.0)));
+    let (method, control) = refined(None, verlet, Some(0.01), 18.0);
+    assert!(method == Method::Dop853 && matches!(control, StepControl::Adaptive { .. }));
+    // An error that is saturated tells nothing of the step.
+    assert_eq!(refined(None, bdf2, Some(0.5), 1e6), (bdf2, StepControl::Step(0.125)));
+    assert_eq!(refined(None, bdf2, None, 1.0), (bdf2, StepControl::Step(0.125)));
+}
+
+/// The particle swings to 3 m, twice its distance from rest, and ends elsewhere.
+#[test]
+fn the_motion_is_the_largest_displacement() {
+    let (system, start) = oscillator();
+    let answer = run_to_accuracy(&system, &start, &options(1e-3), &mut (), &|| true).unwrap().unwrap();
+    let extent = extent(&answer.state.positions, &start.positions);
+    assert!((answer.motion * extent - 2.0).abs() < 0.01, "{}", answer.motion * extent);
+    assert_eq!(answer.verdict, Verdict::Confirmed);
+}
+
+struct Full;
+
+impl Observer for Full {
+    type Records = ();
+
+    fn begin(&mut self, _: &Monitor) -> Result<()> {
+        Ok(())
+    }
+
+    fn record(&mut self, (): &mut (), number: u64, _: &State, _: &Monitor) -> Result<()> {
+        if number < 3 { Ok(()) } else { Err(Error::Unsupported("the disk is full".into())) }
+    }
+}
+
+#[test]
+fn an_error_of_the_observer_ends_the_search() {
+    let (system, start) = oscillator();
+    let error = run_to_accuracy(&system, &start, &options(1e-3), &mut Full, &|| true).unwrap_err();
+    assert!(error.to_string().contains("the disk is full"), "{error}");
+}
