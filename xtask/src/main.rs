@@ -1,5 +1,6 @@
 //! Tools for those who work on `sprung`: `cargo xtask --help`.
 
+mod blind;
 mod copied_pages;
 mod cycles;
 mod deps;
@@ -24,6 +25,8 @@ enum Command {
     Links,
     /// Print which module uses which; fail if one uses a module below it or files depend on each other cyclically
     Deps,
+    /// Plant random faults in every module, one at a time, and print which tests detect them; an hour
+    Blind(blind::Choice),
     /// Plant faults in a copy and record which tests catch each: verification/faults.md, src/report/faults.json; 15 minutes
     Faults(faults::Chosen),
     #[command(flatten)]
@@ -36,6 +39,7 @@ fn main() -> Result<()> {
         Command::Guide => guide::build(&root),
         Command::Links => links::check(&root),
         Command::Deps => deps::check(&root),
+        Command::Blind(choice) => blind::run(&root, &choice),
         Command::Faults(chosen) => faults::run(&root, &chosen),
         Command::Tool(tool) => tools::run(&root, &tool),
     }

@@ -3,7 +3,7 @@
 //! Every fault of `verification/faults.toml` is planted in a copy in the target folder. The verification suite runs on it, or the tests of a module
 //! if the suite cannot detect the fault. `src/report/faults.json` (for reports) and `verification/faults.md` record the results.
 
-mod copy;
+pub mod copy;
 mod page;
 mod place;
 
