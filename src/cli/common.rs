@@ -1,7 +1,8 @@
 //! Arguments that several commands share: the scene, its initial state, and values of options.
 
+use super::Stop;
 use super::console::Console;
-use super::threads::{interrupt, is_interrupted};
+use super::threads::{Threads, interrupt, is_interrupted};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use sprung::error::Invalid;
 use sprung::integrate::{Outcome, Schedule, run};
@@ -112,10 +113,37 @@ impl LoadedScene {
             Error::from(Invalid { key, ..invalid }).in_file(&self.file)
         })
     }
+}
 
-    /// The folder for results: the given one, or `out/<scene name>`.
-    pub fn folder(&self, given: &Option<PathBuf>) -> PathBuf {
-        given.clone().unwrap_or_else(|| folder_of(&self.name))
+/// The threads and the output folder of a command on a scene.
+#[derive(Debug, clap::Args)]
+pub struct Process {
+    #[command(flatten)]
+    pub threads: Threads,
+
+    /// Folder for the files, made where it does not exist [default: out/<scene name>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+impl Process {
+    pub fn folder(&self, scene: &LoadedScene) -> PathBuf {
+        self.out.clone().unwrap_or_else(|| folder_of(&scene.name))
+    }
+
+    /// Computes something of a scene in the background; an interruption ends the command.
+    pub fn compute<T: Send + 'static>(
+        &self,
+        scene: LoadedScene,
+        compute: impl FnOnce(LoadedScene) -> Result<T, Stop> + Send + 'static,
+    ) -> Result<T, Stop> {
+        let file = scene.file.clone();
+        let computed = self.threads.attend(move |_: &mut dyn FnMut(())| compute(scene), |()| {})?;
+        computed.ok_or_else(|| Stop::Computation("interrupted: nothing was written".into()))?.map_err(|stop| match stop
+        {
+            Stop::Unusable(error) => error.in_file(&file).into(),
+            other => other,
+        })
     }
 }
 

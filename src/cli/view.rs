@@ -46,7 +46,7 @@ impl View {
         } else if self.subject.as_os_str() == "-" || self.subject.exists() {
             let scene = self.at.place(SceneFile { path: self.subject.clone() }.load(console)?)?;
             let topology = SceneTopology::of(&scene.system, &scene.triangles);
-            (Animation::still(&scene.name, topology, &scene.state), scene.folder(&None))
+            (Animation::still(&scene.name, topology, &scene.state), folder_of(&scene.name))
         } else {
             return Err(missing(&self.subject).into());
         };

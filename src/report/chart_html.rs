@@ -32,11 +32,10 @@ pub fn chart_html(chart: &WorkPrecision, map: &StabilityMap) -> String {
                 "Every point is one run of the whole motion. Of each method the stiffness option and solver that cost least over \
                  all accuracies are drawn; for one accuracy another may cost less. Work is counted in force evaluations of this scene: it is the same as often as a run is repeated, time is not."
             }
-            (named(&["time", "work", "solves", "error"]))
+            (named(&["time", "work", "error"]))
         }))
         (section("options", "Stiffness options and solvers", &named(&["options-euler", "options-w2"])))
         (section("drift", "What methods add or take away", &named(&["energy", "angular-momentum"])))
-        (section("solvers", "Linear solvers", &named(&["tolerance-error"])))
         @if !map.tiles.is_empty() { (section("stability", "Where methods are stable", &stability(map))) }
         (section("runs", "All runs", &page::folded(&number::count(chart.runs.len(), "run"), &runs(&chart.runs))))
     };

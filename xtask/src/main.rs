@@ -24,7 +24,7 @@ enum Command {
     Links,
     /// Print which module uses which; fail if one uses a module below it or files depend on each other cyclically
     Deps,
-    /// Plant faults in a copy and record which tests catch each: verification/faults.md, src/report/faults.json; 15 minutes
+    /// Plant faults in a copy and record which tests catch each: verification/faults.md, verification/faults.json; 15 minutes
     Faults(faults::Chosen),
     #[command(flatten)]
     Tool(tools::Tool),

@@ -1,6 +1,6 @@
 //! A table made up by hand, and everything that can be read off it: decisions, sentences, pictures.
 
-use super::{called, flat, spread, times};
+use super::{called, spread, times};
 use crate::chart::run::short;
 use crate::chart::{Decision, Figure, Quality, Reference, Run, WorkPrecision, best_of_each, curves, tail};
 use crate::figure::{Guide, Plot, Series};
@@ -42,10 +42,6 @@ fn adaptive(rtol: f64, dt: f64, cost: f64, error: f64) -> Run {
     Run { rtol: Some(rtol), ..run(("w2", "on-demand", "llt"), dt, cost, Some(error)) }
 }
 
-fn tolerance(method: &'static str, tolerance: f64, error: f64) -> Run {
-    Run { tolerance: Some(tolerance), ..run((method, "on-demand", "cg"), 0.04, 1.0, Some(error)) }
-}
-
 /// Two configurations of Euler's method, two ways of w2, an explicit method that is slow and fails with long steps, one that succeeds once,
 /// and one that never does.
 fn chart() -> WorkPrecision {
@@ -82,13 +78,6 @@ fn chart() -> WorkPrecision {
         excluded: Vec::new(),
         reference: Reference { method: "made up".into(), error_estimate: 1e-7, state },
         runs: runs.concat(),
-        tolerances: vec![
-            tolerance(EULER, 1e-2, 0.05),
-            tolerance(EULER, 1e-4, 0.041),
-            tolerance(EULER, 1e-6, 0.04),
-            tolerance("w2", 1e-2, 0.02),
-            tolerance("w2", 1e-4, 0.02),
-        ],
     }
 }
 
@@ -166,11 +155,6 @@ fn pictures_say_what_they_show() {
                  next w2 (tension) with dt = 0.05 s, 1.03 times."
             ),
             ("work", "Least work below 1 %: symplectic-euler with dt = 0.025 s; next w2 (on-demand), 3.22 times."),
-            (
-                "solves",
-                "Least solves below 1 %: w2 (on-demand) with adaptive steps, rtol = 0.001; \
-                 next w2 (tension) with dt = 0.05 s, 1.03 times."
-            ),
             ("error", "The longest step that stays below 1 % has w2 (tension): 0.05 s."),
             ("options-euler", "Best below 1 %: full with llt, dt = 0.025 s; next axial with cg, 1.25 times the work."),
             ("options-w2", "Best below 1 %: tension with llt, dt = 0.05 s."),
@@ -181,10 +165,6 @@ fn pictures_say_what_they_show() {
             (
                 "angular-momentum",
                 "With steps of 0.025 s w2 (tension) is off by 0.0025, linear-backward-euler (axial, cg) by 0.016."
-            ),
-            (
-                "tolerance-error",
-                "The tolerance adds less than a tenth to the error of linear-backward-euler up to 1.0e-4, of w2 up to 0.01."
             ),
         ]
     );
@@ -197,8 +177,6 @@ fn pictures_say_what_they_show() {
     assert_eq!(series("error", "w2, adaptive (on-demand)"), [(0.04, 0.03), (0.02, 0.004)]);
     assert_eq!(series("options-euler", "full, llt"), [(0.08, 100.0), (0.04, 200.0), (0.009, 400.0)]);
     assert_eq!(series("energy", "w2 (tension)"), [(0.1, 0.02), (0.05, 0.005), (0.025, 0.00125)]);
-    // What needs no linear solves is not in the picture of these.
-    assert!(series("solves", "symplectic-euler").is_empty());
     // Failures by cause at what they cost, or at their step, in the colour of their method.
     let failures = |name: &str| {
         let failed = figure(name).plot.series.iter().filter_map(|series| Some((series.like.clone()?, series)));
@@ -317,7 +295,6 @@ fn guides_pass_where_the_points_are() {
     assert!(figures[0].plot.guides.iter().any(floor));
     // Nothing to see: no pictures.
     chart.runs.clear();
-    chart.tolerances.clear();
     assert!(chart.figures().is_empty());
 }
 
@@ -394,7 +371,7 @@ fn what_is_not_drawn_is_said() {
 
 #[test]
 fn nothing_drawn_says_nothing() {
-    assert!([spread(&[]), flat(&[])].iter().all(Option::is_none));
+    assert!(spread(&[]).is_none());
     assert_eq!((times(1.0), times(1.004), times(1.006)), ("the same".into(), "the same".into(), "1.01 times".into()));
 }
 

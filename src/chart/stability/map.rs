@@ -114,7 +114,7 @@ impl StabilityMap {
     ///
     /// # Errors
     /// None is known: the model is always a valid system.
-    pub fn measure(resolution: usize, progress: &mut dyn Progress) -> Result<Self> {
+    pub fn measure(resolution: usize, progress: &mut Progress<'_>) -> Result<Self> {
         Self::until(resolution, progress, Deadline::after(Duration::MAX / 16, Interrupt::NEVER))
     }
 
@@ -123,7 +123,7 @@ impl StabilityMap {
     ///
     /// # Errors
     /// None is known: the model is always a valid system.
-    pub fn within(resolution: usize, progress: &mut dyn Progress, deadline: Deadline) -> Result<Self> {
+    pub fn within(resolution: usize, progress: &mut Progress<'_>, deadline: Deadline) -> Result<Self> {
         let begin = Instant::now();
         let coarse = Self::until(resolution.min(COARSE), progress, deadline)?;
         // Every cell takes as long, and a map has two thirds of the square of its columns; a fifth of the time is held back.
@@ -141,7 +141,7 @@ impl StabilityMap {
     ///
     /// # Errors
     /// None is known: the model is always a valid system.
-    pub fn until(resolution: usize, progress: &mut dyn Progress, deadline: Deadline) -> Result<Self> {
+    pub fn until(resolution: usize, progress: &mut Progress<'_>, deadline: Deadline) -> Result<Self> {
         let begin = Instant::now();
         let columns = geometric(0.1, 10.0, resolution.max(4));
         // An odd number of rows has one at λ = 1.
@@ -160,7 +160,7 @@ impl StabilityMap {
                     missing += 1;
                     continue;
                 }
-                progress.at(begin.elapsed(), configuration.method.name());
+                progress(begin.elapsed(), configuration.method.name());
                 tiles.push(Tile::measure(&configuration, axis, &columns, &rows)?);
             }
         }

@@ -1,6 +1,8 @@
 //! An inspection as a page with pictures.
 
-use super::{KEPT, estimated, known, left_out, limit, lost, other_methods, scope, smallness, turning};
+use super::{
+    InspectionReport, KEPT, estimated, known, left_out, limit, lost, other_methods, scope, smallness, turning,
+};
 use crate::inspect::{Culprit, FirstLosses, InertiaMethod, Inspection, LargestStep, OptionInspection, Part, Pictures};
 use crate::report::number::{count, pretty, typeset};
 use crate::report::page::{self, Column, Row};
@@ -22,29 +24,24 @@ pub fn pictures(pictures: &Pictures) -> Vec<(&'static str, String)> {
     files
 }
 
-/// The whole inspection as one HTML page without scripts and without anything to load.
-pub fn html(
-    scene: &str,
-    step: u64,
-    time: f64,
-    inspection: &Inspection,
-    losses: Option<&FirstLosses>,
-    pictures: &Pictures,
-) -> String {
-    let when =
-        if step == 0 { "at the initial state".into() } else { format!("after {} steps, t = {} s", step, pretty(time)) };
-    let lead = format!(
-        "A = M/dt² − G/dt − K {when}, with dt = {} s and stiffness {}.",
-        pretty(inspection.dt),
-        inspection.option.name()
-    );
-    let body = html! {
-        (banner(inspection))
-        (page::section("steps", &html! { "Which steps are safe" }, &steps(inspection, losses, pictures)))
-        (page::section("culprits", &html! { (heading(inspection)) }, &culprits(inspection, pictures)))
-        (page::section("matrix", &html! { "The matrix" }, &matrix(inspection, pictures)))
-    };
-    page::page(&format!("Definiteness of {scene}"), &lead, &body)
+impl InspectionReport<'_> {
+    /// One HTML page without scripts and without anything to load.
+    pub fn html(&self, pictures: &Pictures) -> String {
+        let &Self { scene, step, time, inspection, losses } = self;
+        let when = match step {
+            0 => "at the initial state".into(),
+            _ => format!("after {step} steps, t = {} s", pretty(time)),
+        };
+        let (dt, stiffness) = (pretty(inspection.dt), inspection.option.name());
+        let lead = format!("A = M/dt² − G/dt − K {when}, with dt = {dt} s and stiffness {stiffness}.");
+        let body = html! {
+            (banner(inspection))
+            (page::section("steps", &html! { "Which steps are safe" }, &steps(inspection, losses, pictures)))
+            (page::section("culprits", &html! { (heading(inspection)) }, &culprits(inspection, pictures)))
+            (page::section("matrix", &html! { "The matrix" }, &matrix(inspection, pictures)))
+        };
+        page::page(&format!("Definiteness of {scene}"), &lead, &body)
+    }
 }
 
 fn banner(inspection: &Inspection) -> Markup {

@@ -4,14 +4,28 @@ mod html;
 mod json;
 mod text;
 
-pub use html::{html, pictures};
-pub use json::InspectionRecord;
-pub use text::{first_answer, text};
+pub use html::pictures;
+pub use text::first_answer;
 
 use super::number::{count, plain};
 use crate::inspect::{Culprit, DropSet, FirstLosses, Inspection, LargestStep, Minimality, Part, SkipReason, Turn};
 use crate::integrate::Method;
 use crate::spring::Stiffness;
+
+/// An inspection of a scene's state, to be written as JSON, as text or as a page.
+#[derive(Debug, Clone, Copy)]
+pub struct InspectionReport<'a> {
+    /// The name of the scene.
+    pub scene: &'a str,
+    /// Steps before the state.
+    pub step: u64,
+    /// Its time, in s.
+    pub time: f64,
+    /// The inspection.
+    pub inspection: &'a Inspection,
+    /// The losses of the run that led to the state.
+    pub losses: Option<&'a FirstLosses>,
+}
 
 /// Writes a number for a terminal or for a page.
 type Form = fn(f64) -> String;
