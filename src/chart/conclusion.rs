@@ -56,7 +56,6 @@ impl WorkPrecision {
         Some(format!("Least {what} below {percent} %: {} with {steps}{next}.", called(best, drawn)))
     }
 
-    /// The option and solver with which a method reaches a telling accuracy for least.
     fn best_option(&self, method: &str) -> Option<String> {
         let accuracy = self.telling_accuracy()?;
         let cost = |run: &Run| (run.method == method && run.rtol.is_none()).then_some(run.cost);

@@ -24,7 +24,6 @@ pub struct RecordedRun {
     energy: EnergyChange,
 }
 
-/// Records runs and shows the progress of the search.
 struct ProgressObserver<'a> {
     files: &'a Files,
     folder: &'a Path,
@@ -63,7 +62,6 @@ impl Observer for ProgressObserver<'_> {
 }
 
 impl RecordedRun {
-    /// Completes the files and moves them to the output folder.
     fn publish(self, system: &System, folder: &Path) -> Result<()> {
         self.recorder.finish(system)?;
         let from = self.folder.path();
@@ -89,7 +87,6 @@ fn move_files(from: &Path, to: &Path) -> Result<()> {
     Ok(())
 }
 
-/// A run to a required accuracy, and the folder of its results.
 pub struct AccuracyCommand<'a> {
     pub files: &'a Files,
     pub options: AccuracyOptions,
@@ -97,7 +94,6 @@ pub struct AccuracyCommand<'a> {
 }
 
 impl AccuracyCommand<'_> {
-    /// Searches, writes and reports the answer.
     pub fn execute(&self, console: &Console, scene: &LoadedScene) -> Result<Summary, Stop> {
         let Self { files, options, folder } = self;
         let LoadedScene { file, name, system, state: start, .. } = scene;

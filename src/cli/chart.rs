@@ -55,13 +55,10 @@ pub struct Chart {
 
 const FILES: [&str; 2] = ["chart.json", "chart.html"];
 
-/// The result as JSON.
 #[derive(Serialize)]
 struct Report<'a> {
-    scene: &'a str,
-    duration: f64,
-    reference: &'a Reference,
-    runs: &'a [Run],
+    #[serde(flatten)]
+    chart: &'a WorkPrecision,
     stability: &'a StabilityMap,
 }
 
@@ -115,9 +112,8 @@ impl Chart {
                     .into()
             }));
         };
-        let report =
-            Report { scene: &chart.scene, duration, reference: &chart.reference, runs: &chart.runs, stability: &map };
-        write(&folder, &report, &chart, &map).map_err(Stop::Broken)?;
+        let report = Report { chart: &chart, stability: &map };
+        write(&folder, &report).map_err(Stop::Broken)?;
         let failed = chart.runs.iter().filter(|run| run.cause().is_some()).count();
         let mut lines = vec![format!("{}: {} runs, {failed} of them failed", chart.scene, chart.runs.len())];
         let Reference { method, error_estimate, .. } = &chart.reference;
@@ -171,8 +167,8 @@ fn holds(scene: &LoadedScene, run: &Run, duration: f64, until: Deadline) -> bool
     made().unwrap_or(false)
 }
 
-/// Writes the page, the data and the pictures.
-fn write(folder: &Path, report: &Report<'_>, chart: &WorkPrecision, map: &StabilityMap) -> Result<()> {
+fn write(folder: &Path, report: &Report<'_>) -> Result<()> {
+    let Report { chart, stability: map } = report;
     let picture =
         |name: &str, svg: String| AtomicFile::write_text(folder.join("chart").join(format!("{name}.svg")), &svg);
     for figure in chart.figures() {

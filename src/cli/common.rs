@@ -32,7 +32,6 @@ pub struct LoadedScene {
     pub state: State,
     /// The file of the state, where it is not the scene's start.
     pub at: Option<PathBuf>,
-    /// The triangles of its mesh, for display.
     pub triangles: Vec<[u32; 3]>,
 }
 
@@ -85,7 +84,6 @@ impl LoadedScene {
         })
     }
 
-    /// The positive duration that `what` needs.
     pub fn motion_length(&self, option: Option<f64>, what: &str) -> Result<f64> {
         let duration = self.or_given(option, self.time.duration, "duration")?;
         if duration > 0.0 {
@@ -166,7 +164,6 @@ pub struct At {
 }
 
 impl At {
-    /// The scene at the state of the file, if one is given.
     pub fn place(&self, scene: LoadedScene) -> Result<LoadedScene> {
         let Some(file) = &self.at else { return Ok(scene) };
         let mut state = read_final_state(file, &scene.system)?;
@@ -200,7 +197,6 @@ pub fn advance(
     Ok(outcome)
 }
 
-/// A number above zero.
 pub fn positive(text: &str) -> Result<f64, String> {
     number(text, "must be finite and positive", |value| value > 0.0)
 }
@@ -215,7 +211,6 @@ fn number(text: &str, rule: &str, allowed: impl Fn(f64) -> bool) -> Result<f64, 
     if value.is_finite() && allowed(value) { Ok(value) } else { Err(rule.to_owned()) }
 }
 
-/// A whole number.
 pub fn whole(text: &str) -> Result<u64, String> {
     text.parse().map_err(|_| "must be a whole number, not negative".to_owned())
 }
@@ -225,7 +220,6 @@ pub fn positive_count<T: FromStr>(text: &str) -> Result<T, String> {
     text.parse().map_err(|_| "must be a whole number above zero".to_owned())
 }
 
-/// One of several choices, each with its help.
 pub fn choice<T: Copy + Send + Sync + 'static>(
     choices: &'static [(T, &'static str)],
     name: fn(T) -> &'static str,

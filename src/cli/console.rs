@@ -47,7 +47,6 @@ impl Console {
         }
     }
 
-    /// Prints a note, unless quiet.
     pub fn note(&self, line: impl Display) {
         if !self.quiet {
             print_labelled("note", AnsiColor::Cyan, line);
@@ -72,7 +71,6 @@ impl Console {
         }
     }
 
-    /// The progress bar of a run.
     pub fn step_bar(&self, steps: u64) -> ProgressBar {
         self.bar(steps, "{wide_bar} step {pos} of {len}, {msg}, {eta}").with_message("at the start")
     }

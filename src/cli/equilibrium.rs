@@ -5,7 +5,7 @@ use super::console::{Console, error};
 use super::method::STIFFNESSES;
 use super::view::{write_motions, write_page};
 use super::{Exit, Stop};
-use sprung::equilibrium::{Equilibrium, EquilibriumOptions, LoadPath, Stability, equilibrium, load_path};
+use sprung::equilibrium::{EquilibriumOptions, Stability, equilibrium, load_path};
 use sprung::figure::{Animation, SceneTopology};
 use sprung::integrate::StiffnessPolicy;
 use sprung::output::{AtomicFile, OutputFolder};
@@ -15,7 +15,6 @@ use sprung::report::statics::{
 use sprung::{Result, report};
 use std::fmt::Write;
 use std::num::NonZeroUsize;
-use std::path::Path;
 
 /// Find where the scene comes to rest under its weight and loads
 ///
@@ -65,22 +64,11 @@ impl EquilibriumCommand {
             Ok((scene, found, path))
         })?;
         let claimed = claim(&folder, &FILES, false)?;
-        let critical: Vec<(f64, &'static str)> =
-            path.iter().flat_map(|path| &path.critical).map(|load| (load.factor, load.kind.name())).collect();
-        let linear = path.as_ref().and_then(|path| path.linear_buckling);
-        let record = EquilibriumRecord {
-            scene: &scene.name,
-            dimension: scene.system.dimension(),
-            found: &found,
-            critical: &critical,
-            linear_buckling: linear,
-        };
-        write(&claimed, &folder, &scene, &record, &found, path.as_ref()).map_err(Stop::Broken)?;
-        let mut text = equilibrium_text(&scene.name, &found, &critical);
-        if let Some(factor) = linear {
-            let _ = writeln!(text, "  linear buckling       {factor:.6} of the full load: an estimate");
-        }
-        let buckles = path.as_ref().is_some_and(|path| !path.critical.is_empty());
+        let (path, dimension) = (path.as_ref(), scene.system.dimension());
+        let record = EquilibriumRecord { scene: &scene.name, dimension, found: &found, path };
+        write(&claimed, &scene, &record).map_err(Stop::Broken)?;
+        let mut text = equilibrium_text(&scene.name, &found, path);
+        let buckles = path.is_some_and(|path| !path.critical.is_empty());
         let written = 2 + usize::from(path.is_some()) + usize::from(buckles);
         let names = FILES[..written].join(", ");
         let _ = writeln!(text, "  files                 {names} in {}", folder.display());
@@ -96,22 +84,16 @@ impl EquilibriumCommand {
     }
 }
 
-fn write(
-    claimed: &OutputFolder,
-    folder: &Path,
-    scene: &LoadedScene,
-    record: &EquilibriumRecord<'_>,
-    found: &Equilibrium,
-    path: Option<&LoadPath>,
-) -> Result<()> {
+fn write(claimed: &OutputFolder, scene: &LoadedScene, record: &EquilibriumRecord<'_>) -> Result<()> {
+    let (folder, found) = (claimed.path(), record.found);
     AtomicFile::write_json(folder.join(FILES[0]), record)?;
     let topology = SceneTopology::of(&scene.system, &scene.triangles);
-    let animation = match path {
+    let animation = match record.path {
         Some(path) => {
             AtomicFile::write_text(folder.join(PLOT), &report::plot::svg(&load_path_plot(&scene.name, path)))?;
             let (motions, at) = (buckling_motions(&scene.name, &scene.system, path), path.critical.first());
             let positions = at.map_or(&scene.state.positions, |critical| &critical.state.positions);
-            write_motions(claimed, &folder.join(BUCKLING), scene, positions, &motions)?;
+            write_motions(claimed, BUCKLING, scene, positions, &motions)?;
             load_path_animation(&scene.name, topology, path)
         }
         None => {

@@ -62,7 +62,6 @@ const STIFFNESSES: [(Stiffness, &str); 4] = [
 const FILES: [&str; 6] =
     ["inspect.html", "scene.svg", "lambda-min.svg", "spectrum.svg", "pattern-A.svg", "pattern-L.svg"];
 
-/// The steps that were followed.
 #[derive(Default)]
 struct Followed {
     steps: u64,
@@ -156,7 +155,6 @@ impl Inspect {
         Ok(inspected.unwrap_or_else(|| Ok((known.map(Inspection::without_curve), None))))
     }
 
-    /// Follows the given number of steps, and examines every state.
     fn follow(&self, console: &Console, scene: &mut LoadedScene, dt: f64) -> Result<Followed> {
         if self.steps == 0 {
             return Ok(Followed::default());
@@ -179,7 +177,6 @@ impl Inspect {
     }
 }
 
-/// The results of an inspection, as far as they are known.
 type Inspected = (Option<Inspection>, Option<Pictures>);
 
 fn write(folder: &Path, claimed: &OutputFolder, page: &str, pictures: &Pictures) -> Result<()> {

@@ -82,7 +82,6 @@ impl Matrix {
         Ok(Exit::Done)
     }
 
-    /// Advances the scene by the given number of steps.
     fn advance(&self, console: &Console, scene: &mut LoadedScene, dt: f64) -> Result<(), Stop> {
         if self.steps == 0 {
             return Ok(());

@@ -1,14 +1,12 @@
 //! `sprung mechanisms`: which motions stretch no spring, and why a matrix is singular.
 
-use super::common::{At, LoadedScene, Process, SceneFile, claim};
+use super::common::{At, Process, SceneFile, claim};
 use super::console::{Console, warning};
 use super::view::write_motions;
 use super::{Exit, Stop};
-use sprung::Result;
-use sprung::mechanisms::{Mechanisms, mechanisms};
-use sprung::output::{AtomicFile, OutputFolder};
+use sprung::mechanisms::mechanisms;
+use sprung::output::AtomicFile;
 use sprung::report::statics::{MechanismsRecord, mechanism_motions, mechanisms_text};
-use std::path::Path;
 
 /// Say why a matrix is singular: motions that stretch no spring
 ///
@@ -41,7 +39,10 @@ impl MechanismsCommand {
         })?;
         let claimed = claim(&folder, &FILES, false)?;
         let record = MechanismsRecord { scene: &scene.name, found: &found };
-        let has_page = write(&claimed, &folder, &scene, &record, &found).map_err(Stop::Broken)?;
+        let motions = mechanism_motions(&scene.name, &found);
+        let written = AtomicFile::write_indented_json(folder.join(FILES[0]), &record)
+            .and_then(|()| write_motions(&claimed, PAGE, &scene, &scene.state.positions, &motions));
+        let has_page = written.map_err(Stop::Broken)?;
         let mut text = mechanisms_text(&scene.name, &found).trim_end().to_owned();
         if has_page {
             text += &format!("\nopen {}", folder.join(PAGE).display());
@@ -52,16 +53,4 @@ impl MechanismsCommand {
         }
         Ok(Exit::Done)
     }
-}
-
-/// Writes the files; returns whether there is a motion that a page can play.
-fn write(
-    claimed: &OutputFolder,
-    folder: &Path,
-    scene: &LoadedScene,
-    record: &MechanismsRecord<'_>,
-    found: &Mechanisms,
-) -> Result<bool> {
-    AtomicFile::write_indented_json(folder.join(FILES[0]), record)?;
-    write_motions(claimed, &folder.join(PAGE), scene, &scene.state.positions, &mechanism_motions(&scene.name, found))
 }

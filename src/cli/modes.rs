@@ -1,16 +1,15 @@
 //! `sprung modes`: how the scene vibrates about a state.
 
-use super::common::{At, LoadedScene, Process, SceneFile, claim, positive_count};
+use super::common::{At, Process, SceneFile, claim, positive_count};
 use super::console::{Console, warning};
 use super::view::write_motions;
 use super::{Exit, Stop};
-use sprung::Result;
 use sprung::equilibrium::{EquilibriumOptions, Stability, equilibrium};
-use sprung::modes::{Modes, modes};
-use sprung::output::{AtomicFile, OutputFolder, write_modes};
+use sprung::modes::modes;
+use sprung::output::{AtomicFile, write_modes};
 use sprung::report::statics::{ModesRecord, mode_motions, modes_text, verdict};
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Find the lowest normal modes: frequencies, damping, shapes
 ///
@@ -57,7 +56,11 @@ impl ModesCommand {
         })?;
         let claimed = claim(&folder, &FILES, false)?;
         let record = ModesRecord { scene: &scene.name, at: &at, found: &found };
-        let has_page = write(&claimed, &folder, &scene, &at, &record, &found).map_err(Stop::Broken)?;
+        let motions = mode_motions(&scene.name, &at, &scene.system, &found);
+        let written = AtomicFile::write_indented_json(folder.join(FILES[0]), &record)
+            .and_then(|()| write_modes(folder.join(FILES[1]), &scene.system, &found))
+            .and_then(|()| write_motions(&claimed, PAGE, &scene, &scene.state.positions, &motions));
+        let has_page = written.map_err(Stop::Broken)?;
         let text = modes_text(&scene.name, &at, scene.system.dimension(), &found);
         let names = if has_page { &FILES[..] } else { &FILES[..2] };
         let mut text = format!("{text}  files: {} in {}", names.join(", "), folder.display());
@@ -70,24 +73,4 @@ impl ModesCommand {
         }
         Ok(Exit::Done)
     }
-}
-
-/// Writes the files; returns whether there is a motion that a page can play.
-fn write(
-    claimed: &OutputFolder,
-    folder: &Path,
-    scene: &LoadedScene,
-    at: &str,
-    record: &ModesRecord<'_>,
-    found: &Modes,
-) -> Result<bool> {
-    AtomicFile::write_indented_json(folder.join(FILES[0]), record)?;
-    write_modes(folder.join(FILES[1]), &scene.system, found)?;
-    write_motions(
-        claimed,
-        &folder.join(PAGE),
-        scene,
-        &scene.state.positions,
-        &mode_motions(&scene.name, at, &scene.system, found),
-    )
 }

@@ -151,7 +151,6 @@ impl Run {
         Ok(Pacing { schedule, rtol: options.rtol, has_no_dt: false })
     }
 
-    /// Runs, writes and reports the results.
     fn simulate(&self, console: &Console, scene: &LoadedScene, pacing: Pacing) -> Result<Summary, Stop> {
         let Pacing { schedule, rtol, has_no_dt } = &pacing;
         let LoadedScene { file, name, system, state: start, .. } = scene;
@@ -240,7 +239,6 @@ impl Run {
         if self.files.frames.is_some() { clear_frames(folder) } else { Ok(()) }
     }
 
-    /// Completes all files; returns their names.
     fn finish(
         &self,
         folder: &OutputFolder,

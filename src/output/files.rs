@@ -101,7 +101,6 @@ impl AtomicFile {
         })
     }
 
-    /// The name of the file while it is unfinished.
     pub(super) fn unfinished(&self) -> &Path {
         self.file.get_ref().path()
     }
@@ -162,7 +161,6 @@ pub(super) fn truncated(path: &Path, length: u64) -> io::Result<File> {
     Ok(file)
 }
 
-/// The first bytes of a file that has at least so many.
 fn read_first(path: &Path, length: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)?.take(length).read_to_end(&mut bytes)?;

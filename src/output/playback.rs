@@ -108,7 +108,6 @@ pub fn describe(animation: &mut Animation, summary: Option<&Value>) {
 const ENERGIES: [&str; 4] = ["kinetic", "elastic", "gravitational", "total"];
 const BALANCE: [&str; 3] = ["work", "dissipated", "imbalance"];
 
-/// The curves of `energy.csv`.
 fn energies(path: &Path) -> Option<Vec<Track>> {
     let mut reader = csv::Reader::from_path(path).ok()?;
     let names: Vec<String> = reader.headers().ok()?.iter().map(str::to_owned).collect();

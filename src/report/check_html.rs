@@ -22,7 +22,6 @@ fn base(scene: &str) -> &str {
     scene.split(',').next().unwrap_or(scene).trim()
 }
 
-/// The address of a check on the page.
 pub(super) fn anchor(index: usize) -> String {
     format!("check-{index}")
 }
@@ -31,7 +30,6 @@ pub(super) fn failed(checks: &[(usize, &Check)]) -> usize {
     checks.iter().filter(|(_, check)| !check.passed()).count()
 }
 
-/// The largest share of a bound.
 pub(super) fn worst_share(checks: &[(usize, &Check)]) -> f64 {
     worst(checks.iter().map(|(_, check)| check.share()))
 }
@@ -150,7 +148,6 @@ fn value_row(index: usize, check: &Check, scenes: &[String]) -> Markup {
     }
 }
 
-/// The content of an entry in a column, if it has one.
 type Cell = fn(&Entry) -> Option<Markup>;
 
 /// Worst entries, in the columns that have something to show.

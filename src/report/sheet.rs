@@ -9,7 +9,6 @@ use std::fmt::{Arguments, Write};
 pub(super) const WIDTH: f64 = 800.0;
 /// Distance of lines of text.
 pub(super) const LINE: f64 = 34.0;
-/// Size of text.
 const TEXT: f64 = 25.0;
 
 /// A colour as CSS writes it.
@@ -18,7 +17,6 @@ pub(super) type Colour = &'static str;
 pub(super) const INK: Colour = "#1b1f24";
 /// Guides.
 pub(super) const MUTED: Colour = "#5b6670";
-/// Grid lines.
 pub(super) const GRID: Colour = "#e2e6ea";
 /// The paper under every picture.
 pub(super) const PAPER: Colour = "#ffffff";
@@ -57,7 +55,6 @@ pub(super) type Point = [f64; 2];
 /// Draws the sample of an entry of a legend, 40 pixels wide, to the right of a point.
 pub(super) type Sample<'a> = Box<dyn Fn(&mut Sheet, Point) + 'a>;
 
-/// The sheet being drawn on.
 pub(super) struct Sheet {
     body: String,
 }
@@ -159,7 +156,6 @@ impl Sheet {
     }
 }
 
-/// The data of a path through points.
 pub(super) fn path(points: &[Point]) -> String {
     let mut data = String::new();
     for (k, [x, y]) in points.iter().enumerate() {

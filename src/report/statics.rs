@@ -6,7 +6,7 @@ pub use html::{buckling_motions, load_path_animation, load_path_plot, mechanism_
 
 use super::list;
 use super::number::{count, pretty};
-use crate::equilibrium::{Equilibrium, Signs, Stability};
+use crate::equilibrium::{CriticalLoad, Equilibrium, LoadPath, Signs, Stability};
 use crate::mechanisms::Mechanisms;
 use crate::modes::{Mode, Modes};
 use nalgebra::Vector3;
@@ -23,15 +23,14 @@ pub struct EquilibriumRecord<'a> {
     pub dimension: usize,
     /// The equilibrium.
     pub found: &'a Equilibrium,
-    /// The load factors at which its inertia changes, and the kinds of these changes.
-    pub critical: &'a [(f64, &'static str)],
-    /// The first critical load by linear buckling.
-    pub linear_buckling: Option<f64>,
+    /// The path to it under rising load, if one was followed.
+    pub path: Option<&'a LoadPath>,
 }
 
 impl Serialize for EquilibriumRecord<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let Self { scene, dimension, found, critical, linear_buckling } = self;
+        let Self { scene, dimension, found, path } = self;
+        let critical = || path.iter().flat_map(|path| &path.critical);
         let row = |vector: &Vector3<f64>| vector.as_slice()[..*dimension].to_vec();
         let positions = &found.state.positions;
         let mut map = serializer.serialize_map(None)?;
@@ -44,10 +43,10 @@ impl Serialize for EquilibriumRecord<'_> {
         map.serialize_entry("counted", &found.counted)?;
         map.serialize_entry("lowest_eigenvalue", &found.lowest.as_ref().map(|(value, _)| *value))?;
         map.serialize_entry("falling", &found.falling)?;
-        map.serialize_entry("critical_loads", &list(*critical, |(factor, _)| *factor))?;
-        map.serialize_entry("critical_kinds", &list(*critical, |(_, kind)| *kind))?;
+        map.serialize_entry("critical_loads", &list(critical(), |load| load.factor))?;
+        map.serialize_entry("critical_kinds", &list(critical(), |load| load.kind.name()))?;
         map.serialize_entry("factorizations", &found.work.factorizations)?;
-        map.serialize_entry("linear_buckling", linear_buckling)?;
+        map.serialize_entry("linear_buckling", &path.and_then(|path| path.linear_buckling))?;
         map.serialize_entry("time", &found.state.time)?;
         map.serialize_entry("positions", &list(positions, row))?;
         map.serialize_entry("velocities", &list(positions, |_| vec![0.0; *dimension]))?;
@@ -74,7 +73,7 @@ pub fn verdict(found: &Equilibrium) -> String {
 }
 
 /// An equilibrium in words.
-pub fn equilibrium_text(scene: &str, found: &Equilibrium, critical: &[(f64, &'static str)]) -> String {
+pub fn equilibrium_text(scene: &str, found: &Equilibrium, path: Option<&LoadPath>) -> String {
     let verdict = verdict(found);
     let mut text = format!("{scene}: {verdict}\n");
     let _ = writeln!(text, "  largest force left    {} of the largest that acts", pretty(found.residual));
@@ -92,8 +91,11 @@ pub fn equilibrium_text(scene: &str, found: &Equilibrium, critical: &[(f64, &'st
             count(found.work.cg_iterations as usize, "iteration") + " of conjugate gradients"
         }
     );
-    for (factor, kind) in critical {
-        let _ = writeln!(text, "  critical load         {factor:.9} of the full load: {kind}");
+    for CriticalLoad { factor, kind, .. } in path.iter().flat_map(|path| &path.critical) {
+        let _ = writeln!(text, "  critical load         {factor:.9} of the full load: {}", kind.name());
+    }
+    if let Some(factor) = path.and_then(|path| path.linear_buckling) {
+        let _ = writeln!(text, "  linear buckling       {factor:.6} of the full load: an estimate");
     }
     text
 }
@@ -156,7 +158,6 @@ const BALANCED: f64 = 1e-6;
 
 /// The parts that move as a whole, and those that hang by one spring, in words.
 fn parts_remarks(found: &Modes) -> Vec<String> {
-    /// Parts named at most.
     const NAMED: usize = 20;
     let name = |part: &Vec<usize>| if part.len() == 1 { "particle" } else { "particles" };
     let mut remarks = Vec::new();
@@ -247,7 +248,6 @@ pub struct MechanismsRecord<'a> {
     pub found: &'a Mechanisms,
 }
 
-/// The number of states of self-stress in words.
 fn self_stresses(found: &Mechanisms) -> String {
     let states = if found.self_stresses == 1 { "state" } else { "states" };
     format!("{} {states} of self-stress", found.self_stresses)

@@ -372,16 +372,6 @@ mod tests {
         assert_eq!((all.tiles.len(), all.missing, all.tiles[0].columns.len()), (3 * 19, 0, 12));
     }
 
-    #[test]
-    fn steps_have_equal_ratios() {
-        let close = |found: &[f64], expected: &[f64]| {
-            found.len() == expected.len() && found.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 1e-14)
-        };
-        assert!(close(&geometric(3.0, 48.0, 5), &[3.0, 6.0, 12.0, 24.0, 48.0]));
-        assert!(close(&geometric(0.1, 10.0, 3), &[0.1, 1.0, 10.0]));
-        assert!(close(&geometric(3.0, 48.0, 1), &[3.0]) && geometric(3.0, 48.0, 0).is_empty());
-    }
-
     /// Contradictions are counted, and named with their place.
     #[test]
     fn contradictions_are_told() {

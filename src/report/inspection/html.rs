@@ -159,7 +159,6 @@ fn heading(inspection: &Inspection) -> &'static str {
     }
 }
 
-/// The caption of the scene's picture.
 fn arrows(inspection: &Inspection) -> String {
     let what = "the direction in which A curves least, to a scale of their own";
     match inspection.fold() {
@@ -172,7 +171,6 @@ fn arrows(inspection: &Inspection) -> String {
     }
 }
 
-/// The first losses of the run that led to the state.
 fn followed(losses: &FirstLosses) -> Markup {
     let lost = lost(losses, pretty);
     html! {

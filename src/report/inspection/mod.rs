@@ -65,7 +65,6 @@ fn estimated(inspection: &Inspection, form: Form) -> Option<String> {
     (!parts.is_empty()).then_some(what)
 }
 
-/// A part of an inspection by name.
 fn part(part: Part) -> String {
     let under = |what: &str, option: Stiffness| format!("{what} under {}", option.name());
     match part {
@@ -82,12 +81,10 @@ fn part(part: Part) -> String {
     }
 }
 
-/// A number that may not be known.
 fn known(value: f64, form: Form) -> String {
     if value.is_nan() { "?".into() } else { form(value) }
 }
 
-/// A limit of the step.
 fn limit(step: LargestStep, form: Form) -> String {
     match step {
         LargestStep::Every => "every step".into(),
@@ -96,7 +93,6 @@ fn limit(step: LargestStep, form: Form) -> String {
     }
 }
 
-/// For what the limits hold.
 fn scope() -> String {
     format!("at this state, linearised, for {}", Method::LinearBackwardEuler.name())
 }

@@ -160,7 +160,6 @@ pub fn first_answer(inspection: &Inspection) -> Option<String> {
     Some(format!("A is {what} (stiffness {}, dt = {dt:?} s){}", option.name(), worst.unwrap_or_default()))
 }
 
-/// The spring that the step turns worst.
 fn turned(inspection: &Inspection) -> Vec<String> {
     let Some(turn) = &inspection.turn else { return Vec::new() };
     let [what, then] = turning(turn, plain);

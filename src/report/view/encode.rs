@@ -20,7 +20,6 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::Write;
 
-/// The data of a page.
 pub(super) struct Encoded {
     pub about: About,
     /// The bytes in base64.
@@ -246,7 +245,6 @@ fn floats(values: &[f64]) -> Vec<u8> {
     values.iter().flat_map(|&value| (value as f32).to_le_bytes()).collect()
 }
 
-/// Deflated and in base64.
 fn compressed(bytes: &[u8]) -> String {
     let mut encoder = DeflateEncoder::new(Vec::new(), Compression::new(6));
     // Writing to memory does not fail.

@@ -119,19 +119,9 @@ fn summary(animation: &Animation) -> String {
     }
 }
 
-/// Sentences on what the page leaves out.
 fn notes(animation: &Animation, encoded: &Encoded) -> Vec<String> {
     let mut notes = Vec::new();
-    if animation.decimation().is_some() {
-        let [particles, springs] = animation.whole();
-        let topology = animation.cast();
-        notes.push(format!(
-            "Thinned: {} of {particles} particles are shown, each for its neighbourhood, and {} lines for {springs} springs, each with \
-             the mean strain of the springs from one neighbourhood to the next. The curves below are of all springs.",
-            topology.bindings.len(),
-            topology.pairs.len(),
-        ));
-    }
+    notes.extend(thinned(animation).map(|note| note + " The curves below are of all springs."));
     if encoded.left_out > 0 {
         let all = animation.times.len();
         notes.push(format!(
@@ -140,6 +130,18 @@ fn notes(animation: &Animation, encoded: &Encoded) -> Vec<String> {
         ));
     }
     notes
+}
+
+/// A sentence on the neighbourhoods that a thinned scene shows.
+fn thinned(animation: &Animation) -> Option<String> {
+    animation.decimation()?;
+    let ([particles, springs], shown) = (animation.whole(), animation.cast());
+    Some(format!(
+        "Thinned: {} of {particles} particles are shown, each for its neighbourhood, and {} lines for {springs} springs, each with \
+         the mean strain of the springs from one neighbourhood to the next.",
+        shown.bindings.len(),
+        shown.pairs.len(),
+    ))
 }
 
 fn stage(animation: &Animation, encoded: &Encoded) -> Markup {
@@ -202,7 +204,6 @@ fn switches(animation: &Animation) -> Markup {
     }
 }
 
-/// The keys of a page that shows frames in time.
 fn time_keys() -> Markup {
     html! {
         dt { "time" } dd { kbd { "space" } " plays and pauses, " kbd { "←" } " " kbd { "→" } " step, " kbd { "Home" } " " kbd { "End" } "; or point at a curve" }
