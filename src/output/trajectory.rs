@@ -337,7 +337,7 @@ mod tests {
         };
         let all =
             r#"{"scene": "bridge", "method": "bdf2", "stiffness": "full", "dt": 0.0123456, "status": "completed"}"#;
-        let expected = ["bdf2, stiffness full", "dt = 0.012346 s"].map(String::from);
+        let expected = ["bdf2, stiffness full", "dt = 0.0123456 s"].map(String::from);
         assert_eq!(remarks(all), ("bridge".into(), expected.to_vec()));
         let failed = r#"{"method": "verlet", "stiffness": "none", "rtol": 1e-3, "dt": 1.0, "status": "unstable",
             "failure": {"message": "energy from nowhere"}}"#;

@@ -8,14 +8,9 @@ use maud::{Markup, PreEscaped, html};
 
 /// The results as one HTML page without scripts and without anything to load.
 pub fn html(results: &Results) -> String {
-    let mut claims: Vec<(Claim, Numbered<'_>)> = Vec::new();
-    for claim in Claim::ALL {
-        let checks: Numbered<'_> =
-            results.checks.iter().enumerate().filter(|(_, check)| check.claim == claim).collect();
-        if !checks.is_empty() {
-            claims.push((claim, checks));
-        }
-    }
+    let of = |claim| results.checks.iter().enumerate().filter(move |(_, check)| check.claim == claim);
+    let mut claims: Vec<(Claim, Numbered<'_>)> = Claim::ALL.map(|claim| (claim, of(claim).collect())).into();
+    claims.retain(|(_, checks)| !checks.is_empty());
     // The worst first: failed ones, then those nearest their bounds.
     claims.sort_by(|(_, a), (_, b)| failed(b).cmp(&failed(a)).then(worst_share(b).total_cmp(&worst_share(a))));
     let scenes = scenes(&results.checks);

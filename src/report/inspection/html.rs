@@ -58,30 +58,29 @@ fn banner(inspection: &Inspection) -> Markup {
         known(inspection.examined().smallest, pretty),
         known(inspection.examined().largest, pretty)
     ));
-    html! {
-        @if inertia.negative + inertia.zero + inertia.positive == 0 {
-            div.banner { strong { "No coordinate is free" } p { "A has no rows, and there is nothing to inspect." } }
-        } @else if inspection.lacks(Part::Signs(inspection.option)) {
-            @match &inspection.first {
-                Some(first) if !first.definite => div.banner.failed {
-                    strong { "✗ A is indefinite" }
-                    p { (typeset("A direction of negative curvature proves it; the signs of the eigenvalues were not counted.")) }
-                },
-                Some(_) => div.banner {
-                    strong { "A is positive definite as far as is seen" }
-                    p { "No direction of negative curvature was found, which is no proof." }
-                },
-                None => div.banner { strong { "Interrupted" } p { "Nothing is known of A." } },
+    let (class, title, text) = if inertia.negative + inertia.zero + inertia.positive == 0 {
+        ("banner", "No coordinate is free", "A has no rows, and there is nothing to inspect.".into())
+    } else if inspection.lacks(Part::Signs(inspection.option)) {
+        match &inspection.first {
+            Some(first) if !first.definite => {
+                let proof =
+                    "A direction of negative curvature proves it; the signs of the eigenvalues were not counted.";
+                ("banner failed", "✗ A is indefinite", proof.into())
             }
-        } @else if inertia.is_definite() {
-            div.banner.passed { strong { "✓ A is positive definite" } p { (counts) } }
-        } @else {
-            div.banner.failed {
-                strong { @if inertia.negative > 0 { "✗ A is indefinite" } @else { "✗ A is singular to working precision" } }
-                p { (counts) }
+            Some(_) => {
+                let doubt = "No direction of negative curvature was found, which is no proof.";
+                ("banner", "A is positive definite as far as is seen", doubt.into())
             }
+            None => ("banner", "Interrupted", "Nothing is known of A.".into()),
         }
-    }
+    } else {
+        match (inertia.is_definite(), inertia.negative) {
+            (true, _) => ("banner passed", "✓ A is positive definite", counts),
+            (false, 0) => ("banner failed", "✗ A is singular to working precision", counts),
+            (false, _) => ("banner failed", "✗ A is indefinite", counts),
+        }
+    };
+    html! { div class=(class) { strong { (title) } p { (text) } } }
 }
 
 fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictures) -> Markup {
