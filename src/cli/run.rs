@@ -1,6 +1,6 @@
 //! `sprung run`: simulate a scene.
 
-use super::accuracy::AccuracyCommand;
+use super::accuracy;
 use super::common::{At, LoadedScene, Process, SceneFile, claim, positive, positive_count, whole};
 use super::console::{Console, count, error, help, number, warning};
 use super::files::{FILES, Files, Recorder};
@@ -96,8 +96,8 @@ impl Run {
                 console.note("--checkpoint has no effect with --accuracy");
             }
             self.method.note_unused(console, None);
-            let command = AccuracyCommand { files: &self.files, options, folder: self.process.folder(&scene) };
-            self.process.threads.install(|| command.execute(console, &scene))?
+            let folder = self.process.folder(&scene);
+            self.process.threads.install(|| accuracy::search(console, &scene, &self.files, &options, &folder))?
         } else {
             let pacing = self.pacing(console, &scene)?;
             self.method.note_unused(console, pacing.rtol);

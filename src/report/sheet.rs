@@ -89,16 +89,17 @@ impl Sheet {
 
     /// A line through points.
     pub fn line(&mut self, points: &[Point], colour: Colour, width: f64) {
-        self.element(
-            "path",
-            format_args!(r#"d="{}" fill="none" stroke="{colour}" stroke-width="{width}""#, path(points)),
-        );
+        self.stroke(points, "", colour, width);
     }
 
     /// A dashed line.
     pub fn dashed(&mut self, points: &[Point], colour: Colour, width: f64) {
-        let dashes = r#"fill="none" stroke-dasharray="12 9""#;
-        self.element("path", format_args!(r#"d="{}" {dashes} stroke="{colour}" stroke-width="{width}""#, path(points)));
+        self.stroke(points, r#" stroke-dasharray="12 9""#, colour, width);
+    }
+
+    fn stroke(&mut self, points: &[Point], dashes: &str, colour: Colour, width: f64) {
+        let stroke = format_args!(r#"stroke="{colour}" stroke-width="{width}""#);
+        self.element("path", format_args!(r#"d="{}" fill="none"{dashes} {stroke}"#, path(points)));
     }
 
     /// A filled rectangle from its upper left corner to its lower right one.

@@ -1,7 +1,7 @@
 //! An inspection as a page with pictures.
 
 use super::{
-    InspectionReport, KEPT, estimated, known, left_out, limit, lost, other_methods, scope, smallness, turning,
+    InspectionReport, KEPT, estimated, known, left_out, limit, listed, lost, other_methods, scope, smallness, turning,
 };
 use crate::inspect::{Culprit, FirstLosses, InertiaMethod, Inspection, LargestStep, OptionInspection, Part, Pictures};
 use crate::report::number::{count, pretty, typeset};
@@ -190,10 +190,6 @@ fn culprits(inspection: &Inspection, pictures: &Pictures) -> Markup {
         1 => "1 spring is".into(),
         several => format!("{several} springs are"),
     };
-    let list = |springs: &[usize]| {
-        let shown: Vec<String> = springs.iter().take(ROWS).map(usize::to_string).collect();
-        format!("{}{}", shown.join(", "), if springs.len() > ROWS { " …" } else { "" })
-    };
     html! {
         p {
             @match lowest {
@@ -207,14 +203,14 @@ fn culprits(inspection: &Inspection, pictures: &Pictures) -> Markup {
         @if let Some(set) = &inspection.smallest_set {
             p {
                 "To make A definite, the transverse terms of " (count(set.springs.len(), "spring")) " " (smallness(set))
-                "; option " code { "tension" } " drops " (set.tension) ": " (list(&set.springs)) "."
+                "; option " code { "tension" } " drops " (set.tension) ": " (listed(&set.springs, ROWS)) "."
             }
         }
         @if inspection.clusters.len() > 1 {
             p { "Culprits that hang together, the worst group first:" }
             ul { @for cluster in inspection.clusters.iter().take(ROWS) {
                 li {
-                    (count(cluster.springs.len(), "spring")) " on " (count(cluster.particles.len(), "particle")) ", strain down to " (pretty(cluster.strain)) ": springs " (list(&cluster.springs))
+                    (count(cluster.springs.len(), "spring")) " on " (count(cluster.particles.len(), "particle")) ", strain down to " (pretty(cluster.strain)) ": springs " (listed(&cluster.springs, ROWS))
                 }
             } }
         }

@@ -81,6 +81,13 @@ fn part(part: Part) -> String {
     }
 }
 
+/// The first numbers of a list, and how many more there are.
+fn listed(numbers: &[usize], most: usize) -> String {
+    let shown: Vec<String> = numbers.iter().take(most).map(usize::to_string).collect();
+    let rest = if numbers.len() > most { format!(" and {} more", numbers.len() - most) } else { String::new() };
+    shown.join(", ") + &rest
+}
+
 fn known(value: f64, form: Form) -> String {
     if value.is_nan() { "?".into() } else { form(value) }
 }

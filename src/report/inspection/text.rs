@@ -1,7 +1,8 @@
 //! An inspection for the terminal.
 
 use super::{
-    InspectionReport, KEPT, UNKNOWN, estimated, known, left_out, limit, lost, other_methods, scope, smallness, turning,
+    InspectionReport, KEPT, UNKNOWN, estimated, known, left_out, limit, listed, lost, other_methods, scope, smallness,
+    turning,
 };
 use crate::inspect::{Culprit, Direction, Inspection, Part};
 use crate::report::number::{count, plain};
@@ -113,14 +114,22 @@ impl InspectionReport<'_> {
                     count(cluster.springs.len(), "spring"),
                     count(cluster.particles.len(), "particle")
                 );
-                lines.push(format!("    {what}, strain down to {}: {}", plain(cluster.strain), list(&cluster.springs)));
+                lines.push(format!(
+                    "    {what}, strain down to {}: {}",
+                    plain(cluster.strain),
+                    listed(&cluster.springs, LISTED)
+                ));
             }
             lines.extend(more(inspection.clusters.len()));
         }
         if let Some(set) = &inspection.smallest_set {
             let terms = count(set.springs.len(), "transverse term");
             let how = smallness(set);
-            lines.push(format!("  drop         {terms} {how} (tension drops {}): {}", set.tension, list(&set.springs)));
+            lines.push(format!(
+                "  drop         {terms} {how} (tension drops {}): {}",
+                set.tension,
+                listed(&set.springs, LISTED)
+            ));
         }
         lines.extend(estimated(inspection, plain).map(|what| format!("  estimated    {what}")));
         lines.extend(left_out(inspection).into_iter().map(|what| format!("  left out     {what}")));
@@ -199,10 +208,4 @@ fn culprits(lowest: &Direction) -> Vec<String> {
 
 fn more(total: usize) -> Option<String> {
     (total > LISTED).then(|| format!("    and {} more", total - LISTED))
-}
-
-fn list(numbers: &[usize]) -> String {
-    let shown: Vec<String> = numbers.iter().take(LISTED).map(usize::to_string).collect();
-    let rest = if numbers.len() > LISTED { format!(" and {} more", numbers.len() - LISTED) } else { String::new() };
-    format!("{}{rest}", shown.join(", "))
 }
