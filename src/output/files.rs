@@ -105,11 +105,6 @@ impl AtomicFile {
         self.file.get_ref().path()
     }
 
-    /// The name that the file will have.
-    pub fn target(&self) -> &Path {
-        &self.target
-    }
-
     /// Completes the file: it takes its name, replacing an older file atomically.
     pub fn commit(self) -> Result<()> {
         let Self { target, file } = self;

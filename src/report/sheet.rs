@@ -35,7 +35,7 @@ pub(super) const CLASSES: [Colour; 8] =
 
 /// Shapes of markers, as paths around their place.
 pub(super) const SHAPES: [&str; 10] = [
-    DISC,
+    "m-6 0a6 6 0 1 0 12 0a6 6 0 1 0-12 0z",
     "m-6-6h12v12h-12z",
     "m-8 6h16l-8-15z",
     "m0-9l8 9l-8 9l-8-9z",
@@ -46,7 +46,6 @@ pub(super) const SHAPES: [&str; 10] = [
     "m-3-10h6v20h-6z",
     "m-8-8h16l-16 16h16z",
 ];
-pub(super) const DISC: &str = "m-6 0a6 6 0 1 0 12 0a6 6 0 1 0-12 0z";
 pub(super) const CROSS: &str = "m-8-8l16 16m0-16l-16 16";
 
 /// A point in pixels, from the upper left.
