@@ -100,7 +100,7 @@ impl Stability {
 }
 
 /// Numbers of eigenvalues by their signs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Signs {
     /// Below zero.
     pub negative: usize,

@@ -46,7 +46,7 @@ const DROPPED: f64 = 1e-12;
 const MOVES: f64 = 1e-6;
 
 /// Mechanisms and states of self-stress of a system; see [`mechanisms`].
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Mechanisms {
     /// d.
     pub degrees_of_freedom: usize,
@@ -77,14 +77,17 @@ pub struct Mechanisms {
     pub prestress_stable: Option<bool>,
     /// A basis of the mechanisms beside rigid motions, over the free degrees of freedom, as local as elimination makes it; fewer than all in large
     /// scenes with very many.
+    #[serde(skip)]
     pub motions: Vec<Vec<f64>>,
     /// The particles that move in each of `motions`, ascending.
     pub movers: Vec<Vec<usize>>,
     /// A basis of the states of self-stress: a tension for every spring. Empty for large scenes.
+    #[serde(skip)]
     pub self_stress: Vec<Vec<f64>>,
     /// Pairs of particles between which springs remove mechanisms, chosen greedily. At least as many springs are needed as there are mechanisms beside
     /// rigid motions, so that a list of that length is a smallest one; it is shorter where no spring helps.
     pub added_springs: Vec<[usize; 2]>,
+    #[serde(skip)]
     dofs: DofMap,
 }
 

@@ -48,7 +48,7 @@ impl Collector {
         // CARGO_TARGET_TMPDIR lies in the target folder, wherever that has been moved to.
         let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap_or(Path::new("."));
         let folder = target.join("verification");
-        if let Err(error) = report::write(&folder, &results) {
+        if let Err(error) = sprung::output::write_report(&folder, &results) {
             eprintln!("no report: {error}");
             std::process::exit(1);
         }

@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use sprung::State;
 use sprung::inspect::{Inspection as Inspected, Pictures};
 use sprung::plan::parallelism;
-use sprung::report::inspection::{InspectionRecord, html, text};
+use sprung::report::inspection::InspectionReport;
 use std::sync::Arc;
 
 /// Eigenvalues, and eigenvectors as rows.
@@ -39,26 +39,28 @@ pub fn inspect(py: Python<'_>, system: &System, given: Given<'_>, dt: f64, stiff
     Ok(Inspection { found: found.map_err(raised)?, system, flag, name, state })
 }
 
+impl Inspection {
+    fn report(&self) -> InspectionReport<'_> {
+        InspectionReport { scene: &self.name, step: 0, time: self.state.time, inspection: &self.found, losses: None }
+    }
+}
+
 #[pymethods]
 impl Inspection {
     /// Everything as JSON.
     fn json(&self) -> PyResult<String> {
-        let record = InspectionRecord::new(&self.name, 0, self.state.time, &self.found);
-        serde_json::to_string(&record).map_err(|error| PyRuntimeError::new_err(error.to_string()))
+        serde_json::to_string(&self.report()).map_err(|error| PyRuntimeError::new_err(error.to_string()))
     }
 
     /// Everything in words.
     fn text(&self) -> String {
-        text(&self.name, 0, self.state.time, &self.found, None)
+        self.report().text()
     }
 
     /// Everything as a page.
     fn html(&self, py: Python<'_>) -> PyResult<String> {
-        let Self { system, flag, name, state, found } = self;
-        let made = compute(py, flag, || {
-            let pictures = Pictures::of(system, state, found)?;
-            Ok(html(name, 0, state.time, found, None, &pictures))
-        })?;
+        let Self { system, flag, state, found, .. } = self;
+        let made = compute(py, flag, || Ok(self.report().html(&Pictures::of(system, state, found)?)))?;
         made.map_err(raised)
     }
 

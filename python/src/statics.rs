@@ -185,7 +185,7 @@ pub fn mechanisms<'py>(
     let dimension = system.dimension();
     let motions =
         found.motions.iter().flat_map(|motion| crate::arrays::flat(&found.shape(motion), dimension)).collect();
-    let record = sprung::report::statics::MechanismsRecord::new("", &found);
+    let record = sprung::report::statics::MechanismsRecord { scene: "", found: &found };
     let json = serde_json::to_string(&record).map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
     Ok((
         json,

@@ -13,7 +13,7 @@ use sprung::error::Invalid;
 use sprung::force::{DegenerateSpring, Energy, Reactions, add_external_forces, add_weight};
 use sprung::nalgebra::Vector3;
 use sprung::output::AtomicFile;
-use sprung::scene::{Scene, TimeSettings, builtin, refined};
+use sprung::scene::{Built, Scene, TimeSettings, builtin, refined};
 use sprung::spring::Extension;
 use sprung::system::{Axes, Constraint, Motion};
 use sprung::{Error, Spring, State, SystemBuilder};
@@ -39,7 +39,7 @@ type GivenConstraint = (Vec<usize>, Option<Vec<usize>>, Option<[f64; 3]>, Option
 
 impl System {
     fn of_scene(scene: Scene) -> PyResult<Self> {
-        let (system, start, triangles) = scene.build_with_triangles().map_err(raised)?;
+        let Built { system, state: start, triangles, .. } = scene.build_with_notes().map_err(raised)?;
         let (system, functions) = (Arc::new(system), Functions::default());
         Ok(Self { system, functions, start, name: scene.name, time: scene.time, triangles })
     }

@@ -15,16 +15,12 @@ impl WorkPrecision {
             are_excluded.then(|| "Of this motion alone: no run holds to the end of the whole scene.".into())
         };
         let conclusion = match figure.name {
-            "time" => self.cheapest(series, "time", |run| Some(run.wall_seconds)),
-            "work" => self.cheapest(series, "work", |run| Some(run.cost)),
-            "solves" => {
-                self.cheapest(series, "solves", |run| (run.stiffness != "none").then_some(run.work.solves as f64))
-            }
+            "time" => self.cheapest(series, "time", |run| run.wall_seconds),
+            "work" => self.cheapest(series, "work", |run| run.cost),
             "options-euler" => self.best_option("linear-backward-euler"),
             "options-w2" => self.best_option("w2"),
             "error" => self.longest_step(series),
             "energy" | "angular-momentum" => spread(series),
-            "tolerance-error" => flat(series),
             _ => None,
         };
         conclusion.or_else(none_holds)
@@ -45,9 +41,9 @@ impl WorkPrecision {
     }
 
     /// The cheapest run of a telling accuracy, and how much more the next method takes.
-    fn cheapest(&self, drawn: &[Series], what: &str, cost: impl Fn(&Run) -> Option<f64>) -> Option<String> {
+    fn cheapest(&self, drawn: &[Series], what: &str, cost: impl Fn(&Run) -> f64) -> Option<String> {
         let accuracy = self.telling_accuracy()?;
-        let ranked = self.ranked(accuracy, cost);
+        let ranked = self.ranked(accuracy, |run| Some(cost(run)));
         let &(least, best) = ranked.first()?;
         let next = ranked.iter().find(|(_, run)| run.variant() != best.variant());
         let next = next.map_or(String::new(), |(cost, next)| {
@@ -60,7 +56,6 @@ impl WorkPrecision {
         Some(format!("Least {what} below {percent} %: {} with {steps}{next}.", called(best, drawn)))
     }
 
-    /// The option and solver with which a method reaches a telling accuracy for least.
     fn best_option(&self, method: &str) -> Option<String> {
         let accuracy = self.telling_accuracy()?;
         let cost = |run: &Run| (run.method == method && run.rtol.is_none()).then_some(run.cost);
@@ -115,17 +110,6 @@ fn spread(series: &[Series]) -> Option<String> {
     drifts.sort_by(|a, b| a.0.total_cmp(&b.0));
     let ((least, gentle), (most, rough)) = drifts.first().zip(drifts.last())?;
     Some(format!("With steps of {} s {gentle} is off by {}, {rough} by {}.", short(step), short(*least), short(*most)))
-}
-
-/// The loosest tolerances that add less than a tenth to the error.
-fn flat(series: &[Series]) -> Option<String> {
-    let loosest = |series: &Series| {
-        let tightest = series.points.iter().min_by(|a, b| a.0.total_cmp(&b.0))?.1;
-        let within = series.points.iter().filter(|point| point.1 <= 1.1 * tightest).map(|point| point.0);
-        Some(format!("{} up to {}", series.name, short(within.fold(0.0, f64::max))))
-    };
-    let each: Vec<String> = series.iter().filter_map(loosest).collect();
-    (!each.is_empty()).then(|| format!("The tolerance adds less than a tenth to the error of {}.", each.join(", of ")))
 }
 
 #[cfg(test)]

@@ -17,8 +17,6 @@ pub struct Decision<'a> {
     pub accuracy: f64,
     /// The run with the least work among those that can be relied on and are accurate enough; `None` where there is none.
     pub cheapest: Option<&'a Run>,
-    /// The one with the shortest time.
-    pub fastest: Option<&'a Run>,
     /// The cheapest of linearised backward Euler, the method of the lecture notes.
     pub notes: Option<&'a Run>,
     /// The cheapest run of each method that is accurate enough, the least work first.
@@ -50,7 +48,6 @@ impl WorkPrecision {
         Decision {
             accuracy,
             cheapest: enough.first().copied(),
-            fastest: enough.iter().copied().min_by(|a, b| a.wall_seconds.total_cmp(&b.wall_seconds)),
             notes: enough.iter().copied().find(|run| run.method == "linear-backward-euler"),
             methods,
         }
@@ -76,7 +73,6 @@ impl WorkPrecision {
         all
     }
 
-    /// Why there is no decision.
     fn obstacle(&self) -> String {
         let completed: Vec<f64> = self.runs.iter().filter_map(Run::useful_error).collect();
         let best = completed.iter().copied().fold(f64::INFINITY, f64::min);

@@ -34,9 +34,6 @@ pub const TOLERANCE: f64 = 1e-10;
 /// Iterations of a solve at most.
 pub const ITERATIONS: u64 = 500;
 
-/// Steps of a comparison over the scene's own, before the equilibrium.
-pub const FACTORS: [f64; 5] = [1.0, 4.0, 16.0, 64.0, 256.0];
-
 /// One step, or the search for an equilibrium, under one option or policy.
 #[derive(Debug, Clone, Serialize)]
 pub struct Solve {
@@ -70,7 +67,6 @@ impl Solve {
         self.status == Status::Completed
     }
 
-    /// What is counted: iterations and factorizations.
     fn costs(&self) -> [f64; 2] {
         [self.iterations, self.factorizations].map(|count| count.max(1) as f64)
     }
@@ -165,7 +161,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Compares steps of `FACTORS · dt` seconds and the equilibrium, until the deadline.
+    /// Compares steps of 1, 4, 16, 64 and 256 dt, in s, and the equilibrium, until the deadline.
     ///
     /// # Errors
     /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large.
@@ -173,7 +169,7 @@ impl Comparison {
         let mut found = Self { scene: scene.into(), solves: Vec::new(), skipped: 0 };
         // Forces of the caller's own have no potential to go down.
         let equilibria = system.external_forces().next().is_none().then_some(None);
-        for step in FACTORS.map(|factor| Some(factor * dt)).into_iter().chain(equilibria) {
+        for step in (0..5).map(|power| Some(4f64.powi(power) * dt)).chain(equilibria) {
             for policy in StiffnessPolicy::ALL {
                 if !until.allows(Duration::ZERO) {
                     found.skipped += 1;

@@ -28,17 +28,8 @@ pub use work_precision_figure::Figure;
 use crate::interrupt::Interrupt;
 use std::time::{Duration, Instant};
 
-/// Hears how far a study is.
-pub trait Progress {
-    /// So much time has passed, and this is being done.
-    fn at(&mut self, elapsed: Duration, what: &str);
-}
-
-impl<F: FnMut(Duration, &str)> Progress for F {
-    fn at(&mut self, elapsed: Duration, what: &str) {
-        self(elapsed, what);
-    }
-}
+/// Hears how far a study is: the time that has passed, and what is being done.
+pub type Progress<'a> = dyn FnMut(Duration, &str) + 'a;
 
 /// The time until which something may go on, unless someone asks for an end before.
 #[derive(Debug, Clone, Copy)]

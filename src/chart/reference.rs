@@ -28,11 +28,6 @@ pub(super) const ABOVE_THE_FLOOR: f64 = 3.0;
 /// Rounding of the positions: no estimate is smaller.
 const ROUNDING: f64 = 1e-15;
 
-/// True where there is time for another run of a ladder, which takes twice as long as the one that ended so.
-fn goes_on(status: Status, wall: Duration, allows: impl Fn(Duration) -> bool) -> bool {
-    status != Status::Interrupted && allows(2 * wall)
-}
-
 impl Reference {
     /// Computes the state `duration` seconds after `start` within about `limit`; dt is a step that methods may begin with.
     ///
@@ -48,7 +43,6 @@ impl Reference {
         Self::within(system, start, length, limit, Interrupt::NEVER)
     }
 
-    /// As [`compute`](Self::compute), until someone interrupts it.
     pub(super) fn within(
         system: &System,
         start: &State,
@@ -118,7 +112,6 @@ struct Ladder {
     last: Option<State>,
     /// `x(dt/2) + (x(dt/2) − x(dt))/3`, third order or better.
     extrapolated: Option<State>,
-    /// The extrapolation before.
     before: Option<State>,
     /// False from the first run on for which there was no time.
     open: bool,
@@ -130,7 +123,6 @@ impl Ladder {
         Self { configuration, last: None, extrapolated: None, before: None, open: true }
     }
 
-    /// The last two extrapolations.
     fn two(&self) -> Option<(&State, &State)> {
         self.extrapolated.as_ref().zip(self.before.as_ref())
     }
@@ -138,7 +130,8 @@ impl Ladder {
     fn climb(&mut self, system: &System, start: &State, [dt, duration]: [f64; 2], deadline: Deadline) -> Result<()> {
         let in_time = || deadline.allows(Duration::ZERO);
         let run = trial(system, start, &self.configuration, StepControl::Step(dt), duration, &in_time)?;
-        self.open = goes_on(run.status, run.wall, |next| deadline.allows(next));
+        // The next run takes twice as long.
+        self.open = run.status != Status::Interrupted && deadline.allows(2 * run.wall);
         let state = (run.status == Status::Completed).then_some(run.state);
         self.before = self.extrapolated.take();
         self.extrapolated = self.last.as_ref().zip(state.as_ref()).map(|(coarse, fine)| {
@@ -181,20 +174,6 @@ mod tests {
             }
         }
         assert!(ladder.two().is_some() && errors[1] < errors[0] / 4.0 && errors[1] < 1e-6, "{errors:?}");
-    }
-
-    /// The next run, which takes twice as long, must fit.
-    #[test]
-    fn ladders_end_where_the_next_run_would_not_fit() {
-        let second = Duration::from_secs(1);
-        for (status, time, expected) in [
-            (Status::Completed, 2, true),
-            (Status::Completed, 1, false),
-            (Status::NonFinite, 2, true),
-            (Status::Interrupted, 2, false),
-        ] {
-            assert_eq!(goes_on(status, second, |next| next <= time * second), expected, "{status:?} {time}");
-        }
     }
 
     /// Fourteen steps of dt, doubled from run to run while there is time, and the best of what they give: better than the first two

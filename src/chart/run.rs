@@ -3,7 +3,7 @@
 use super::{Deadline, Reference};
 use crate::accuracy::{Configuration, StepControl, Trial, relative_position_error, trial};
 use crate::error::Result;
-use crate::force::{Energy, angular_momentum, linear_momentum};
+use crate::force::{Energy, angular_momentum};
 use crate::integrate::Status;
 use crate::linear::CostModel;
 use crate::system::{State, System};
@@ -84,8 +84,6 @@ pub struct Quality {
     pub error: f64,
     /// `(E − Ê)/s`: total energy above that of the reference, over the energy s that the motion exchanges.
     pub energy_drift: f64,
-    /// `‖Σ m v − Σ m v̂‖ / Σ m ‖v̂‖`.
-    pub linear_momentum_drift: f64,
     /// `‖Σ m x × v − Σ m x̂ × v̂‖ / Σ m ‖x̂ − c‖ ‖v̂‖`, both about the centroid c of the reference.
     pub angular_momentum_drift: f64,
 }
@@ -102,15 +100,13 @@ impl Quality {
             let positions = state.positions.iter().map(|x| x - centroid).collect();
             angular_momentum(system, &State { positions, ..state.clone() })
         };
-        let moving = || system.masses().iter().zip(&reference.velocities).map(|(m, v)| m * v.norm());
-        let turning: f64 = moving().zip(&reference.positions).map(|(p, x)| p * (x - centroid).norm()).sum();
-        let linear = (linear_momentum(system, state) - linear_momentum(system, reference)).norm();
+        let momenta = system.masses().iter().zip(&reference.velocities).map(|(m, v)| m * v.norm());
+        let turning: f64 = momenta.zip(&reference.positions).map(|(p, x)| p * (x - centroid).norm()).sum();
         let angular = (about(state) - about(reference)).norm();
         let relative = |difference: f64, scale: f64| if difference == 0.0 { 0.0 } else { difference / scale };
         Self {
             error: relative_position_error(&state.positions, &reference.positions, &start.positions),
             energy_drift: relative(energy.total() - ideal.total(), exchanged),
-            linear_momentum_drift: relative(linear, moving().sum()),
             angular_momentum_drift: relative(angular, turning),
         }
     }
@@ -187,7 +183,6 @@ impl Bench<'_> {
 /// The suffix of the name of a method whose steps adapt.
 pub(super) const ADAPTIVE: &str = ", adaptive";
 
-/// A number in three digits.
 pub(super) fn short(value: f64) -> String {
     let size = value.abs();
     if size != 0.0 && !(1e-3..1e7).contains(&size) {

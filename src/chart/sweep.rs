@@ -6,7 +6,7 @@ use super::{Deadline, Progress, Run};
 use crate::accuracy::{Configuration, StepControl};
 use crate::error::Result;
 use crate::integrate::{ImplicitOptions, Method, StiffnessPolicy};
-use crate::linear::{SolverChoice, SolverOptions, Tolerance};
+use crate::linear::{SolverChoice, SolverOptions};
 use crate::spring::Stiffness;
 use faer::Par;
 use std::time::{Duration, Instant};
@@ -55,7 +55,7 @@ pub(super) fn sweep(
     dt: f64,
     par: Par,
     deadline: Deadline,
-    progress: &mut dyn Progress,
+    progress: &mut Progress<'_>,
 ) -> Result<Vec<Run>> {
     let begin = Instant::now();
     let dt = coarsest(dt, bench.duration);
@@ -77,7 +77,7 @@ pub(super) fn sweep(
                 continue;
             }
             let measured = bench.measure(&curve.configuration, curve.control, deadline)?;
-            progress.at(begin.elapsed(), curve.configuration.method.name());
+            progress(begin.elapsed(), curve.configuration.method.name());
             let Some(run) = measured else { continue };
             curve.last = Some(Duration::from_secs_f64(run.wall_seconds.max(0.0)));
             let is_at_floor = |error: f64| error <= ABOVE_THE_FLOOR * bench.reference.error_estimate;
@@ -102,21 +102,6 @@ fn fits(last: Option<Duration>, left: Duration) -> bool {
 /// The largest of dt, 2dt, 4dt, … that leaves four steps; smaller than dt where even dt does not.
 fn coarsest(dt: f64, duration: f64) -> f64 {
     dt * (duration / dt / 4.0).log2().floor().exp2()
-}
-
-/// Runs of one method and step by conjugate gradients at tolerances from 1e-2 to 1e-12.
-pub(super) fn tolerances(bench: &Bench<'_>, method: Method, dt: f64, deadline: Deadline) -> Result<Vec<Run>> {
-    let mut runs = Vec::new();
-    for exponent in 1..=6 {
-        let tolerance = Tolerance::Fixed(10f64.powi(-2 * exponent));
-        let linear = SolverOptions { solver: SolverChoice::Cg, tolerance, ..SolverOptions::default() };
-        let options = ImplicitOptions { stiffness: StiffnessPolicy::OnDemand, linear };
-        match bench.measure(&Configuration { method, options }, StepControl::Step(dt), deadline)? {
-            Some(run) => runs.push(run),
-            None => break,
-        }
-    }
-    Ok(runs)
 }
 
 #[cfg(test)]
@@ -233,22 +218,5 @@ mod tests {
         for (dt, duration, expected) in [(0.25, 8.0, 2.0), (0.25, 7.9, 1.0), (3.0, 4.0, 0.75), (3.0, 8.0, 1.5)] {
             assert_eq!(coarsest(dt, duration), expected);
         }
-    }
-
-    /// From coarse to fine, by conjugate gradients, with the tolerance that is asked for.
-    #[test]
-    fn tolerances_go_by_hundreds() {
-        let scene = oscillator(1.0);
-        let bench = bench(&scene, 1.0);
-        let runs = tolerances(&bench, Method::W2, 0.25, far()).unwrap();
-        let found: Vec<_> = runs.iter().map(|run| (run.method, run.solver, run.dt, run.tolerance.unwrap())).collect();
-        let expected = [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12].map(|tolerance| ("w2", "cg", 0.25, tolerance));
-        assert_eq!(found.len(), expected.len());
-        for (found, expected) in found.iter().zip(expected) {
-            assert!((found.0, found.1, found.2) == (expected.0, expected.1, expected.2));
-            assert!((found.3 / expected.3 - 1.0).abs() < 1e-12, "{found:?}");
-        }
-        let none = tolerances(&bench, Method::W2, 0.25, Instant::now().into()).unwrap();
-        assert!(none.is_empty());
     }
 }

@@ -3,10 +3,9 @@
 //! [`WorkPrecision::measure`] computes the reference and runs the sweep (`sweep`); `work_precision_figure` draws the results.
 
 use super::run::Bench;
-use super::sweep::{sweep, tolerances};
+use super::sweep::sweep;
 use super::{Deadline, Progress, Reference, Run};
 use crate::error::Result;
-use crate::integrate::Method;
 use crate::interrupt::Interrupt;
 use crate::linear::CostModel;
 use crate::system::{State, System};
@@ -56,8 +55,6 @@ pub struct WorkPrecision {
     pub reference: Reference,
     /// Every run, failed ones too, from the largest steps to the smallest.
     pub runs: Vec<Run>,
-    /// Runs at one step size with conjugate gradients of different tolerance.
-    pub tolerances: Vec<Run>,
     /// Positions in `runs` of those that are not recommended, because the same configuration did not hold to the end of the whole scene.
     #[serde(skip)]
     pub excluded: Vec<usize>,
@@ -73,30 +70,19 @@ impl WorkPrecision {
         system: &System,
         start: &State,
         options: &SweepOptions,
-        progress: &mut dyn Progress,
+        progress: &mut Progress<'_>,
     ) -> Result<Option<Self>> {
         let SweepOptions { duration, dt, budget, par, interrupt } = *options;
         let whole = Deadline::after(budget, interrupt);
         let begin = Instant::now();
-        progress.at(begin.elapsed(), "reference");
+        progress(begin.elapsed(), "reference");
         let reference = Reference::within(system, start, [dt, duration], budget / 3, interrupt)?;
         let Some(reference) = reference else { return Ok(None) };
         let costs = CostModel::of(system);
         let bench = Bench { system, start, duration, reference: &reference, costs };
-        progress.at(begin.elapsed(), "tolerances of conjugate gradients");
-        let share = || Deadline::after(budget / 20, interrupt);
-        let mut of_tolerance = tolerances(&bench, Method::LinearBackwardEuler, dt, share())?;
-        of_tolerance.extend(tolerances(&bench, Method::W2, dt, share())?);
-        let mut shifted = |elapsed: Duration, what: &str| progress.at(begin.elapsed().max(elapsed), what);
+        let mut shifted = |elapsed: Duration, what: &str| progress(begin.elapsed().max(elapsed), what);
         let runs = sweep(&bench, dt, par, whole, &mut shifted)?;
-        Ok(Some(Self {
-            scene: scene.into(),
-            duration,
-            reference,
-            runs,
-            tolerances: of_tolerance,
-            excluded: Vec::new(),
-        }))
+        Ok(Some(Self { scene: scene.into(), duration, reference, runs, excluded: Vec::new() }))
     }
 
     /// Keeps to recommendations that hold: `holds` says of a run whether its configuration completes the whole scene without a
@@ -106,7 +92,7 @@ impl WorkPrecision {
         loop {
             let position = |run: &Run| self.runs.iter().position(|other| std::ptr::eq(run, other));
             let decisions = self.decisions();
-            let recommended = decisions.iter().flat_map(|d| [d.cheapest, d.fastest, d.notes]).flatten();
+            let recommended = decisions.iter().flat_map(|d| [d.cheapest, d.notes]).flatten();
             let next = recommended.filter_map(position).find(|position| !verified.contains(position));
             let Some((next, run)) = next.and_then(|next| Some((next, self.runs.get(next)?))) else { return };
             if holds(run) { verified.push(next) } else { self.excluded.push(next) }
@@ -119,7 +105,7 @@ mod tests {
     use super::*;
     use crate::system::fixtures::oscillator;
 
-    fn measured(tell: &mut dyn Progress) -> WorkPrecision {
+    fn measured(tell: &mut Progress<'_>) -> WorkPrecision {
         let (system, start) = oscillator();
         let budget = Duration::from_secs(4);
         let options = SweepOptions { duration: 2.0, dt: 0.1, budget, par: Par::Seq, interrupt: Interrupt::NEVER };
@@ -133,14 +119,12 @@ mod tests {
         let mut chart = measured(&mut |_: Duration, what: &str| told.push(what.to_owned()));
         assert_eq!((chart.scene.as_str(), chart.duration), ("oscillator", 2.0));
         assert!((chart.reference.state.positions[1].x - 1.0 - 0.3 * 2.0f64.cos()).abs() < 1e-8);
-        assert!(!chart.runs.is_empty() && !chart.tolerances.is_empty());
-        assert_eq!(told[..2], ["reference", "tolerances of conjugate gradients"]);
-        assert!(told.len() >= 2 + chart.runs.len());
+        assert!(!chart.runs.is_empty() && told[0] == "reference" && told.len() > chart.runs.len());
         let explicit = ["verlet", "symplectic-euler", "forward-euler", "dop853"];
         chart.verify_recommendations(|run| !explicit.contains(&run.method));
         let decisions = chart.decisions();
         assert!(!decisions.is_empty());
-        for run in decisions.iter().flat_map(|decision| [decision.cheapest, decision.fastest]).flatten() {
+        for run in decisions.iter().filter_map(|decision| decision.cheapest) {
             assert!(!explicit.contains(&run.method), "{}", run.method);
         }
     }

@@ -1,9 +1,8 @@
-//! The pictures of a chart: speed against accuracy in time and in counted work, conservation, tolerances.
+//! The pictures of a chart: speed against accuracy in time and in counted work, and conservation.
 
 use super::curve::{Curve, best_of_each, cheapest_first, curves};
 use super::decision::name;
 use super::run::ADAPTIVE;
-use super::run::short;
 use super::{Run, WorkPrecision};
 use crate::figure::{Guide, Look, Plot, Series};
 use crate::integrate::Method;
@@ -110,7 +109,6 @@ impl WorkPrecision {
     pub fn figures(&self) -> Vec<Figure> {
         let floor = self.floor();
         let best = cheapest_first(best_of_each(&self.runs, floor), floor);
-        let implicit: Vec<Curve<'_>> = best.iter().filter(|curve| curve.stiffness != "none").cloned().collect();
         // The cheapest solver of every option before the others.
         let of_method = |method: &str| -> Vec<Curve<'_>> {
             let all = curves(&self.runs).into_iter().filter(|curve| curve.method == method).collect();
@@ -131,14 +129,6 @@ impl WorkPrecision {
                 run.wall_seconds
             }),
             self.work_precision("work", "Work against accuracy", work, &best, by_method, |run| run.cost),
-            self.work_precision(
-                "solves",
-                "Linear solves against accuracy",
-                "linear solves",
-                &implicit,
-                by_method,
-                |run| run.work.solves as f64,
-            ),
             self.errors(&best),
             self.work_precision("options-euler", &options(euler), work, &of_method(euler), by_option, |run| run.cost),
             self.work_precision("options-w2", &options(w2), work, &of_method(w2), by_option, |run| run.cost),
@@ -147,7 +137,6 @@ impl WorkPrecision {
                 Some(run.quality?.angular_momentum_drift)
             }),
         ];
-        figures.push(self.tolerances());
         figures.retain(|figure| figure.plot.series.iter().any(|series| !series.points.is_empty()));
         for figure in &mut figures {
             figure.plot.conclusion = self.conclusion(figure).unwrap_or_default();
@@ -219,21 +208,6 @@ impl WorkPrecision {
             is about 10⁻¹⁵.";
         Figure::new(name, caption, plot)
     }
-
-    fn tolerances(&self) -> Figure {
-        let title = format!("Tolerance of conjugate gradients and error: {}", self.scene);
-        let mut plot = Plot::log_log(title, "tolerance: ‖b − A δx‖ / ‖b‖", "relative position error at the end");
-        for method in ["linear-backward-euler", "w2"] {
-            let runs = self.tolerances.iter().filter(|run| run.method == method);
-            let points = runs.filter_map(|run| Some((run.tolerance?, run.useful_error()?))).collect();
-            plot = plot.with_series(Series::line(method, points).looking(look_of_method(method)));
-        }
-        let step = self.tolerances.first().map_or(String::new(), |run| format!(", with steps of {} s", short(run.dt)));
-        let caption = format!(
-            "Where the curve is flat the error of the step dominates and a looser tolerance costs no accuracy{step}."
-        );
-        Figure::new("tolerance-error", caption, plot)
-    }
 }
 
 /// The geometric mean of the points that logarithmic axes show.
@@ -243,19 +217,4 @@ fn middle(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     let mean =
         |of: fn(&(f64, f64)) -> f64| (points.iter().map(|p| of(p).ln()).sum::<f64>() / points.len() as f64).exp();
     (!points.is_empty()).then(|| (mean(|p| p.0), mean(|p| p.1)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::middle;
-
-    /// The geometric mean of 1, 4 and 16 is 4; what logarithmic axes do not show does not count.
-    #[test]
-    fn the_middle_is_that_of_what_is_shown() {
-        let hidden = [(0.0, 5.0), (5.0, 0.0), (-1.0, 5.0), (5.0, -1.0), (f64::INFINITY, 5.0), (5.0, f64::NAN)];
-        assert_eq!(middle(&hidden), None);
-        let shown = [(1.0, 9.0), (4.0, 9.0), (16.0, 9.0)];
-        let (x, y) = middle(&[&hidden[..], &shown].concat()).unwrap();
-        assert!((x - 4.0).abs() < 1e-12 && (y - 9.0).abs() < 1e-12, "{x} {y}");
-    }
 }

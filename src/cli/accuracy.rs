@@ -12,7 +12,7 @@ use sprung::force::Energy;
 use sprung::integrate::{Monitor, Schedule};
 use sprung::output::{Checkpoint, EnergyChange, EnergyLog, Summary, clear_frames, write_final_state};
 use sprung::{Error, Result, State, System};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 use tempfile::TempDir;
 
@@ -24,7 +24,6 @@ pub struct RecordedRun {
     energy: EnergyChange,
 }
 
-/// Records runs and shows the progress of the search.
 struct ProgressObserver<'a> {
     files: &'a Files,
     folder: &'a Path,
@@ -63,7 +62,6 @@ impl Observer for ProgressObserver<'_> {
 }
 
 impl RecordedRun {
-    /// Completes the files and moves them to the output folder.
     fn publish(self, system: &System, folder: &Path) -> Result<()> {
         self.recorder.finish(system)?;
         let from = self.folder.path();
@@ -89,44 +87,40 @@ fn move_files(from: &Path, to: &Path) -> Result<()> {
     Ok(())
 }
 
-/// A run to a required accuracy, and the folder of its results.
-pub struct AccuracyCommand<'a> {
-    pub files: &'a Files,
-    pub options: AccuracyOptions,
-    pub folder: PathBuf,
-}
-
-impl AccuracyCommand<'_> {
-    /// Searches, writes and reports the answer.
-    pub fn execute(&self, console: &Console, scene: &LoadedScene) -> Result<Summary, Stop> {
-        let Self { files, options, folder } = self;
-        let LoadedScene { file, name, system, state: start, .. } = scene;
-        end_in_order();
-        let claimed = claim(folder, &FILES, false)?;
-        Checkpoint::forget(&claimed)?;
-        let clock = Instant::now();
-        let schedule = Schedule::duration(options.interval, options.duration);
-        let bar = console.bar(PARTS, "{wide_bar} {msg}");
-        let mut observer = ProgressObserver { files, folder, schedule, scene, bar };
-        let found = run_to_accuracy(system, start, options, &mut observer, &|| !is_interrupted());
-        observer.bar.finish_and_clear();
-        let Some(found) = found.map_err(|error| error.in_file(file))? else {
-            let why = if is_interrupted() { "interrupted" } else { "no run comes to the end of this motion" };
-            let accuracy = options.accuracy;
-            return Err(Stop::Computation(format!("{why}: there is no answer to an accuracy of {accuracy:e}")));
-        };
-        let wall_seconds = clock.elapsed().as_secs_f64();
-        let summary = Summary::of_answer(name.clone(), system, &found, options, found.records.energy, wall_seconds);
-        let (state, run) = (&found.state, found.records);
-        let written = clear_frames(&claimed)
-            .and_then(|()| run.publish(system, folder))
-            .and_then(|()| files.remove_older(&claimed))
-            .and_then(|()| write_final_state(folder.join("final.json"), name, system, summary.steps, state))
-            .and_then(|()| summary.write(folder.join("summary.json")))
-            .and_then(|()| files.finish(folder));
-        let names = written.map_err(Stop::Broken)?;
-        console.result(&summary, SummaryText { summary: &summary, folder, files: &names })?;
-        summary.warnings.iter().for_each(warning);
-        Ok(summary)
-    }
+/// Searches for a run to a required accuracy, writes it to a folder and reports it.
+pub fn search(
+    console: &Console,
+    scene: &LoadedScene,
+    files: &Files,
+    options: &AccuracyOptions,
+    folder: &Path,
+) -> Result<Summary, Stop> {
+    let LoadedScene { file, name, system, state: start, .. } = scene;
+    end_in_order();
+    let claimed = claim(folder, &FILES, false)?;
+    Checkpoint::forget(&claimed)?;
+    let clock = Instant::now();
+    let schedule = Schedule::duration(options.interval, options.duration);
+    let bar = console.bar(PARTS, "{wide_bar} {msg}");
+    let mut observer = ProgressObserver { files, folder, schedule, scene, bar };
+    let found = run_to_accuracy(system, start, options, &mut observer, &|| !is_interrupted());
+    observer.bar.finish_and_clear();
+    let Some(found) = found.map_err(|error| error.in_file(file))? else {
+        let why = if is_interrupted() { "interrupted" } else { "no run comes to the end of this motion" };
+        let accuracy = options.accuracy;
+        return Err(Stop::Computation(format!("{why}: there is no answer to an accuracy of {accuracy:e}")));
+    };
+    let wall_seconds = clock.elapsed().as_secs_f64();
+    let summary = Summary::of_answer(name.clone(), system, &found, options, found.records.energy, wall_seconds);
+    let (state, run) = (&found.state, found.records);
+    let written = clear_frames(&claimed)
+        .and_then(|()| run.publish(system, folder))
+        .and_then(|()| files.remove_older(&claimed))
+        .and_then(|()| write_final_state(folder.join("final.json"), name, system, summary.steps, state))
+        .and_then(|()| summary.write(folder.join("summary.json")))
+        .and_then(|()| files.finish(folder));
+    let names = written.map_err(Stop::Broken)?;
+    console.result(&summary, SummaryText { summary: &summary, folder, files: &names })?;
+    summary.warnings.iter().for_each(warning);
+    Ok(summary)
 }

@@ -1,9 +1,9 @@
 //! `sprung chart`: speed against accuracy, and the limits of stability.
 
-use super::common::{LoadedScene, SceneFile, claim, positive};
+use super::common::{LoadedScene, Process, SceneFile, claim, positive};
 use super::console::{Console, error};
 use super::definiteness;
-use super::threads::{Threads, end_in_order, interrupt, is_interrupted};
+use super::threads::{end_in_order, interrupt, is_interrupted};
 use super::{Exit, Stop};
 use serde::Serialize;
 use sprung::Result;
@@ -14,7 +14,7 @@ use sprung::output::AtomicFile;
 use sprung::plan::{MethodChoice, RunOptions, parallelism};
 use sprung::report::{chart_html, plot, tiles};
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 /// Chart speed against accuracy
@@ -50,23 +50,15 @@ pub struct Chart {
     definiteness: bool,
 
     #[command(flatten)]
-    threads: Threads,
-
-    /// Folder for the files, made where it does not exist [default: out/<scene name>]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    process: Process,
 }
 
 const FILES: [&str; 2] = ["chart.json", "chart.html"];
 
-/// The result as JSON.
 #[derive(Serialize)]
 struct Report<'a> {
-    scene: &'a str,
-    duration: f64,
-    reference: &'a Reference,
-    runs: &'a [Run],
-    tolerances: &'a [Run],
+    #[serde(flatten)]
+    chart: &'a WorkPrecision,
     stability: &'a StabilityMap,
 }
 
@@ -75,9 +67,9 @@ impl Chart {
         let scene = self.scene.load(console)?;
         let budget = Duration::try_from_secs_f64(self.budget).unwrap_or(Duration::MAX / 16).min(Duration::MAX / 16);
         let dt = scene.step_or_default(console, self.dt);
-        let folder = scene.folder(&self.out);
+        let folder = self.process.folder(&scene);
         if self.definiteness {
-            return definiteness::execute(&scene, dt, budget, &self.threads, &folder, console);
+            return definiteness::execute(&scene, dt, budget, &self.process.threads, &folder, console);
         }
         let duration = scene.motion_length(self.duration, "a chart")?;
         scene.check_schedule(dt, duration)?;
@@ -92,7 +84,7 @@ impl Chart {
         let options = SweepOptions { duration, dt, budget: sweep, par, interrupt: interrupt() };
         let bar = console.bar(budget.as_secs().max(1), "{wide_bar} {pos} of at most {len} s, {msg}");
         bar.set_message("starting");
-        let measured = self.threads.install(|| {
+        let measured = self.process.threads.install(|| {
             let mut progress = |elapsed: Duration, what: &str| {
                 bar.set_position(elapsed.as_secs());
                 bar.set_message(what.to_owned());
@@ -104,7 +96,7 @@ impl Chart {
                 chart
             }))
         })?;
-        let map = self.threads.install(|| {
+        let map = self.process.threads.install(|| {
             if !self.stability {
                 return Ok(StabilityMap { tiles: Vec::new(), missing: 0 });
             }
@@ -120,15 +112,8 @@ impl Chart {
                     .into()
             }));
         };
-        let report = Report {
-            scene: &chart.scene,
-            duration,
-            reference: &chart.reference,
-            runs: &chart.runs,
-            tolerances: &chart.tolerances,
-            stability: &map,
-        };
-        write(&folder, &report, &chart, &map).map_err(Stop::Broken)?;
+        let report = Report { chart: &chart, stability: &map };
+        write(&folder, &report).map_err(Stop::Broken)?;
         let failed = chart.runs.iter().filter(|run| run.cause().is_some()).count();
         let mut lines = vec![format!("{}: {} runs, {failed} of them failed", chart.scene, chart.runs.len())];
         let Reference { method, error_estimate, .. } = &chart.reference;
@@ -182,8 +167,8 @@ fn holds(scene: &LoadedScene, run: &Run, duration: f64, until: Deadline) -> bool
     made().unwrap_or(false)
 }
 
-/// Writes the page, the data and the pictures.
-fn write(folder: &Path, report: &Report<'_>, chart: &WorkPrecision, map: &StabilityMap) -> Result<()> {
+fn write(folder: &Path, report: &Report<'_>) -> Result<()> {
+    let Report { chart, stability: map } = report;
     let picture =
         |name: &str, svg: String| AtomicFile::write_text(folder.join("chart").join(format!("{name}.svg")), &svg);
     for figure in chart.figures() {

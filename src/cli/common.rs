@@ -1,7 +1,8 @@
 //! Arguments that several commands share: the scene, its initial state, and values of options.
 
+use super::Stop;
 use super::console::Console;
-use super::threads::{interrupt, is_interrupted};
+use super::threads::{Threads, interrupt, is_interrupted};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use sprung::error::Invalid;
 use sprung::integrate::{Outcome, Schedule, run};
@@ -31,7 +32,6 @@ pub struct LoadedScene {
     pub state: State,
     /// The file of the state, where it is not the scene's start.
     pub at: Option<PathBuf>,
-    /// The triangles of its mesh, for display.
     pub triangles: Vec<[u32; 3]>,
 }
 
@@ -84,7 +84,6 @@ impl LoadedScene {
         })
     }
 
-    /// The positive duration that `what` needs.
     pub fn motion_length(&self, option: Option<f64>, what: &str) -> Result<f64> {
         let duration = self.or_given(option, self.time.duration, "duration")?;
         if duration > 0.0 {
@@ -112,10 +111,37 @@ impl LoadedScene {
             Error::from(Invalid { key, ..invalid }).in_file(&self.file)
         })
     }
+}
 
-    /// The folder for results: the given one, or `out/<scene name>`.
-    pub fn folder(&self, given: &Option<PathBuf>) -> PathBuf {
-        given.clone().unwrap_or_else(|| folder_of(&self.name))
+/// The threads and the output folder of a command on a scene.
+#[derive(Debug, clap::Args)]
+pub struct Process {
+    #[command(flatten)]
+    pub threads: Threads,
+
+    /// Folder for the files, made where it does not exist [default: out/<scene name>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+impl Process {
+    pub fn folder(&self, scene: &LoadedScene) -> PathBuf {
+        self.out.clone().unwrap_or_else(|| folder_of(&scene.name))
+    }
+
+    /// Computes something of a scene in the background; an interruption ends the command.
+    pub fn compute<T: Send + 'static>(
+        &self,
+        scene: LoadedScene,
+        compute: impl FnOnce(LoadedScene) -> Result<T, Stop> + Send + 'static,
+    ) -> Result<T, Stop> {
+        let file = scene.file.clone();
+        let computed = self.threads.attend(move |_: &mut dyn FnMut(())| compute(scene), |()| {})?;
+        computed.ok_or_else(|| Stop::Computation("interrupted: nothing was written".into()))?.map_err(|stop| match stop
+        {
+            Stop::Unusable(error) => error.in_file(&file).into(),
+            other => other,
+        })
     }
 }
 
@@ -138,7 +164,6 @@ pub struct At {
 }
 
 impl At {
-    /// The scene at the state of the file, if one is given.
     pub fn place(&self, scene: LoadedScene) -> Result<LoadedScene> {
         let Some(file) = &self.at else { return Ok(scene) };
         let mut state = read_final_state(file, &scene.system)?;
@@ -172,7 +197,6 @@ pub fn advance(
     Ok(outcome)
 }
 
-/// A number above zero.
 pub fn positive(text: &str) -> Result<f64, String> {
     number(text, "must be finite and positive", |value| value > 0.0)
 }
@@ -187,7 +211,6 @@ fn number(text: &str, rule: &str, allowed: impl Fn(f64) -> bool) -> Result<f64, 
     if value.is_finite() && allowed(value) { Ok(value) } else { Err(rule.to_owned()) }
 }
 
-/// A whole number.
 pub fn whole(text: &str) -> Result<u64, String> {
     text.parse().map_err(|_| "must be a whole number, not negative".to_owned())
 }
@@ -197,7 +220,6 @@ pub fn positive_count<T: FromStr>(text: &str) -> Result<T, String> {
     text.parse().map_err(|_| "must be a whole number above zero".to_owned())
 }
 
-/// One of several choices, each with its help.
 pub fn choice<T: Copy + Send + Sync + 'static>(
     choices: &'static [(T, &'static str)],
     name: fn(T) -> &'static str,

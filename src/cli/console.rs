@@ -7,6 +7,7 @@ use clap::{ColorChoice, Command, ValueEnum};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 use sprung::Error;
+pub use sprung::report::number::{compact as number, count};
 use std::fmt::{self, Display};
 use std::io::{self, Write};
 
@@ -46,7 +47,6 @@ impl Console {
         }
     }
 
-    /// Prints a note, unless quiet.
     pub fn note(&self, line: impl Display) {
         if !self.quiet {
             print_labelled("note", AnsiColor::Cyan, line);
@@ -71,7 +71,6 @@ impl Console {
         }
     }
 
-    /// The progress bar of a run.
     pub fn step_bar(&self, steps: u64) -> ProgressBar {
         self.bar(steps, "{wide_bar} step {pos} of {len}, {msg}, {eta}").with_message("at the start")
     }
@@ -157,20 +156,6 @@ fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a s
     let most = word.chars().count().div_ceil(3);
     let distances = known.map(|known| (strsim::osa_distance(word, known), known));
     distances.filter(|(distance, _)| *distance <= most).min_by_key(|(distance, _)| *distance).map(|(_, known)| known)
-}
-
-/// Up to six significant digits: `0.35`, `1.66667`, `-1380.19`, `2.5e-7`.
-pub fn number(value: f64) -> String {
-    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
-    // Without the sign of zero.
-    let rounded = rounded + 0.0;
-    let is_plain = rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs()) || !rounded.is_finite();
-    if is_plain { rounded.to_string() } else { format!("{rounded:e}") }
-}
-
-/// `1 step`, `2 steps`.
-pub fn count(n: u64, noun: &str) -> String {
-    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
 }
 
 /// A time span, in s: `0.35 s`, `12.4 s`, `1 min 49 s`, `2 h 5 min`.

@@ -15,7 +15,6 @@ use std::time::Duration;
 
 const FILES: [&str; 2] = ["definiteness.json", "definiteness.html"];
 
-/// The result as JSON.
 #[derive(Serialize)]
 struct Report<'a> {
     #[serde(flatten)]
@@ -24,7 +23,6 @@ struct Report<'a> {
     conclusions: Vec<String>,
 }
 
-/// Compares options and policies from the scene's start, with a shortest step of dt seconds.
 pub fn execute(
     scene: &LoadedScene,
     dt: f64,

@@ -1,12 +1,11 @@
 //! `sprung equilibrium`: where the scene comes to rest.
 
-use super::common::{At, LoadedScene, SceneFile, choice, claim, positive_count};
+use super::common::{At, LoadedScene, Process, SceneFile, choice, claim, positive_count};
 use super::console::{Console, error};
 use super::method::STIFFNESSES;
-use super::threads::Threads;
 use super::view::{write_motions, write_page};
 use super::{Exit, Stop};
-use sprung::equilibrium::{Equilibrium, EquilibriumOptions, LoadPath, Stability, equilibrium, load_path};
+use sprung::equilibrium::{EquilibriumOptions, Stability, equilibrium, load_path};
 use sprung::figure::{Animation, SceneTopology};
 use sprung::integrate::StiffnessPolicy;
 use sprung::output::{AtomicFile, OutputFolder};
@@ -16,7 +15,6 @@ use sprung::report::statics::{
 use sprung::{Result, report};
 use std::fmt::Write;
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
 
 /// Find where the scene comes to rest under its weight and loads
 ///
@@ -43,11 +41,7 @@ pub struct EquilibriumCommand {
     at: At,
 
     #[command(flatten)]
-    threads: Threads,
-
-    /// Folder for the files, made where it does not exist [default: out/<scene name>]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    process: Process,
 }
 
 const PLOT: &str = "load-path.svg";
@@ -60,35 +54,21 @@ const FILES: [&str; 4] = ["equilibrium.json", PAGE, PLOT, BUCKLING];
 impl EquilibriumCommand {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let scene = self.at.place(self.scene.load(console)?)?;
-        let folder = scene.folder(&self.out);
-        let file = scene.file.clone();
+        let folder = self.process.folder(&scene);
         let steps = self.load_path;
         let options = EquilibriumOptions { stiffness: self.stiffness, ..EquilibriumOptions::default() };
-        let computed = self.threads.attend(
-            move |_: &mut dyn FnMut(())| {
-                let LoadedScene { system, state, .. } = &scene;
-                let found = equilibrium(system, state, options)?;
-                let path = steps.map(|steps| load_path(system, state, steps.get())).transpose()?;
-                Ok((scene, found, path))
-            },
-            |()| {},
-        )?;
-        let Some(computed) = computed else {
-            return Err(Stop::Computation("interrupted: nothing was written".into()));
-        };
-        let (scene, found, path) = computed.map_err(|error: sprung::Error| error.in_file(&file))?;
+        let (scene, found, path) = self.process.compute(scene, move |scene| {
+            let LoadedScene { system, state, .. } = &scene;
+            let found = equilibrium(system, state, options)?;
+            let path = steps.map(|steps| load_path(system, state, steps.get())).transpose()?;
+            Ok((scene, found, path))
+        })?;
         let claimed = claim(&folder, &FILES, false)?;
-        let critical: Vec<(f64, &'static str)> =
-            path.iter().flat_map(|path| &path.critical).map(|load| (load.factor, load.kind.name())).collect();
-        let linear = path.as_ref().and_then(|path| path.linear_buckling);
-        let record = EquilibriumRecord::new(&scene.name, scene.system.dimension(), &found, &critical)
-            .with_linear_buckling(linear);
-        write(&claimed, &folder, &scene, &record, &found, path.as_ref()).map_err(Stop::Broken)?;
-        let mut text = equilibrium_text(&scene.name, &found, &critical);
-        if let Some(factor) = linear {
-            let _ = writeln!(text, "  linear buckling       {factor:.6} of the full load: an estimate");
-        }
-        let buckles = path.as_ref().is_some_and(|path| !path.critical.is_empty());
+        let (path, dimension) = (path.as_ref(), scene.system.dimension());
+        let record = EquilibriumRecord { scene: &scene.name, dimension, found: &found, path };
+        write(&claimed, &scene, &record).map_err(Stop::Broken)?;
+        let mut text = equilibrium_text(&scene.name, &found, path);
+        let buckles = path.is_some_and(|path| !path.critical.is_empty());
         let written = 2 + usize::from(path.is_some()) + usize::from(buckles);
         let names = FILES[..written].join(", ");
         let _ = writeln!(text, "  files                 {names} in {}", folder.display());
@@ -104,22 +84,16 @@ impl EquilibriumCommand {
     }
 }
 
-fn write(
-    claimed: &OutputFolder,
-    folder: &Path,
-    scene: &LoadedScene,
-    record: &EquilibriumRecord<'_>,
-    found: &Equilibrium,
-    path: Option<&LoadPath>,
-) -> Result<()> {
+fn write(claimed: &OutputFolder, scene: &LoadedScene, record: &EquilibriumRecord<'_>) -> Result<()> {
+    let (folder, found) = (claimed.path(), record.found);
     AtomicFile::write_json(folder.join(FILES[0]), record)?;
     let topology = SceneTopology::of(&scene.system, &scene.triangles);
-    let animation = match path {
+    let animation = match record.path {
         Some(path) => {
             AtomicFile::write_text(folder.join(PLOT), &report::plot::svg(&load_path_plot(&scene.name, path)))?;
             let (motions, at) = (buckling_motions(&scene.name, &scene.system, path), path.critical.first());
             let positions = at.map_or(&scene.state.positions, |critical| &critical.state.positions);
-            write_motions(claimed, &folder.join(BUCKLING), scene, positions, &motions)?;
+            write_motions(claimed, BUCKLING, scene, positions, &motions)?;
             load_path_animation(&scene.name, topology, path)
         }
         None => {

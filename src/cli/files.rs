@@ -89,7 +89,6 @@ impl Files {
     }
 }
 
-/// Records energies and frames, and shows the progress.
 pub struct Recorder {
     pub energies: EnergyLog,
     pub frames: Option<Frames>,
@@ -97,13 +96,11 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// The positions in the files, for a checkpoint.
     pub fn position(&mut self) -> Result<(LogPosition, Vec<(f64, u64)>)> {
         let frames = self.frames.as_mut().map_or_else(|| Ok(Vec::new()), Frames::position)?;
         Ok((self.energies.position()?, frames))
     }
 
-    /// Records the state after a step.
     pub fn record(&mut self, system: &System, state: &State, step: u64, monitor: &Monitor) -> Result<()> {
         let (energy, balance) = monitor.energy_at(state);
         self.energies.push(state.time, &energy, &balance)?;
@@ -117,7 +114,6 @@ impl Recorder {
         Ok(())
     }
 
-    /// Completes the files.
     pub fn finish(self, system: &System) -> Result<()> {
         self.progress.finish_and_clear();
         self.energies.finish()?;

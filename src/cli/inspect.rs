@@ -1,18 +1,18 @@
 //! `sprung inspect`: is A positive definite, which springs spoil it, and which step is safe?
 
-use super::common::{At, LoadedScene, SceneFile, advance, choice, claim, positive, whole};
+use super::common::{At, LoadedScene, Process, SceneFile, advance, choice, claim, positive, whole};
 use super::console::{Console, PARTS, error, number};
-use super::threads::{Threads, end_in_order, is_interrupted};
+use super::threads::{end_in_order, is_interrupted};
 use super::{Exit, Stop};
 use faer::Par;
 use sprung::inspect::{AFFORDABLE, FirstLosses, Follower, Inspection, Part, Pictures};
 use sprung::integrate::RunFailure;
 use sprung::output::{AtomicFile, OutputFolder};
 use sprung::plan::parallelism;
-use sprung::report::inspection::{InspectionRecord, first_answer, html, text};
+use sprung::report::inspection::{InspectionReport, first_answer};
 use sprung::{Result, Stiffness};
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Say whether A is positive definite, which springs spoil it, and which step is safe
@@ -49,11 +49,7 @@ pub struct Inspect {
     all: bool,
 
     #[command(flatten)]
-    threads: Threads,
-
-    /// Folder for the files, made where it does not exist [default: out/<scene name>]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    process: Process,
 }
 
 const STIFFNESSES: [(Stiffness, &str); 4] = [
@@ -66,7 +62,6 @@ const STIFFNESSES: [(Stiffness, &str); 4] = [
 const FILES: [&str; 6] =
     ["inspect.html", "scene.svg", "lambda-min.svg", "spectrum.svg", "pattern-A.svg", "pattern-L.svg"];
 
-/// The steps that were followed.
 #[derive(Default)]
 struct Followed {
     steps: u64,
@@ -78,14 +73,14 @@ impl Inspect {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let mut scene = self.at.place(self.scene.load(console)?)?;
         let dt = scene.step_or_default(console, self.dt);
-        let folder = scene.folder(&self.out);
+        let folder = self.process.folder(&scene);
         let file = scene.file.clone();
         let in_file = |error: sprung::Error| error.in_file(&file);
         let par = parallelism(&scene.system);
         if self.steps > 0 {
             end_in_order();
         }
-        let followed = self.threads.install(|| Ok(self.follow(console, &mut scene, dt)))?.map_err(in_file)?;
+        let followed = self.process.threads.install(|| Ok(self.follow(console, &mut scene, dt)))?.map_err(in_file)?;
         let Followed { steps, losses, failure } = followed;
         let scene = Arc::new(scene);
         let (inspection, pictures) = self.inspect(console, &scene, dt, par)?.map_err(in_file)?;
@@ -102,12 +97,16 @@ impl Inspect {
         // Those of an interrupted inspection are few and quickly made.
         let pictures = pictures.map_or_else(|| Pictures::of(system, state, &inspection), Ok).map_err(in_file)?;
         let pictures = pictures.named(name);
-        let losses = losses.as_ref();
-        let page = html(name, steps, state.time, &inspection, losses, &pictures);
-        write(&folder, &claimed, &page, &pictures).map_err(Stop::Broken)?;
-        let record = InspectionRecord::new(name, steps, state.time, &inspection).with_losses(losses);
-        let text = text(name, steps, state.time, &inspection, losses);
-        console.result(&record, format!("{text}\n  pictures     {}", folder.join("inspect.html").display()))?;
+        let report = InspectionReport {
+            scene: name,
+            step: steps,
+            time: state.time,
+            inspection: &inspection,
+            losses: losses.as_ref(),
+        };
+        write(&folder, &claimed, &report.html(&pictures), &pictures).map_err(Stop::Broken)?;
+        let text = report.text();
+        console.result(&report, format!("{text}\n  pictures     {}", folder.join("inspect.html").display()))?;
         if let Some(RunFailure { step, time, failure }) = failure {
             let time = number(time);
             error(format_args!("{} in step {step}, at t = {time} s: {failure}", failure.status().name()));
@@ -131,7 +130,7 @@ impl Inspect {
         let bar = console.bar(PARTS, "{wide_bar} {msg}, {eta}").with_message("inspecting");
         let (option, all, inspected) = (self.stiffness, self.all, scene.clone());
         let (mut known, mut is_answered) = (None, false);
-        let inspected = self.threads.attend(
+        let inspected = self.process.threads.attend(
             move |tell| {
                 let LoadedScene { system, state, .. } = &*inspected;
                 let most = if all { f64::INFINITY } else { AFFORDABLE };
@@ -156,7 +155,6 @@ impl Inspect {
         Ok(inspected.unwrap_or_else(|| Ok((known.map(Inspection::without_curve), None))))
     }
 
-    /// Follows the given number of steps, and examines every state.
     fn follow(&self, console: &Console, scene: &mut LoadedScene, dt: f64) -> Result<Followed> {
         if self.steps == 0 {
             return Ok(Followed::default());
@@ -179,7 +177,6 @@ impl Inspect {
     }
 }
 
-/// The results of an inspection, as far as they are known.
 type Inspected = (Option<Inspection>, Option<Pictures>);
 
 fn write(folder: &Path, claimed: &OutputFolder, page: &str, pictures: &Pictures) -> Result<()> {

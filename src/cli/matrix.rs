@@ -1,8 +1,8 @@
 //! `sprung matrix`: the linear system of a step as Matrix Market files.
 
-use super::common::{At, LoadedScene, SceneFile, advance, choice, claim, positive, whole};
+use super::common::{At, LoadedScene, Process, SceneFile, advance, choice, claim, positive, whole};
 use super::console::{Console, number};
-use super::threads::{Threads, end_in_order, is_interrupted};
+use super::threads::{end_in_order, is_interrupted};
 use super::{Exit, Stop};
 use serde_json::json;
 use sprung::assembly::SymmetricMatrix;
@@ -10,7 +10,7 @@ use sprung::integrate::{Outcome, StepMatrices};
 use sprung::output::{write_dofs, write_symmetric, write_vector};
 use sprung::{Result, Stiffness};
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Write the matrices of a step as Matrix Market files
 ///
@@ -41,11 +41,7 @@ pub struct Matrix {
     stiffness: Stiffness,
 
     #[command(flatten)]
-    threads: Threads,
-
-    /// Folder for the files, made where it does not exist [default: out/<scene name>]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    process: Process,
 }
 
 const STIFFNESSES: [(Stiffness, &str); 4] = [
@@ -64,7 +60,7 @@ impl Matrix {
         if self.steps > 0 {
             end_in_order();
         }
-        let matrices = self.threads.install(|| {
+        let matrices = self.process.threads.install(|| {
             self.advance(console, &mut scene, dt)?;
             let matrices = StepMatrices::assemble(&scene.system, &scene.state, self.stiffness, dt);
             Ok(matrices.map_err(|error| error.in_file(&scene.file))?)
@@ -73,7 +69,7 @@ impl Matrix {
             let message = format!("{name} has entries that are not finite numbers (dt = {dt:?} s)");
             return Err(Stop::Computation(message));
         }
-        let folder = scene.folder(&self.out);
+        let folder = self.process.folder(&scene);
         end_in_order();
         let _claimed = claim(&folder, &FILES, false)?;
         let how = format!("t = {:?} s, dt = {dt:?} s, stiffness {}", scene.state.time, self.stiffness.name());
@@ -86,7 +82,6 @@ impl Matrix {
         Ok(Exit::Done)
     }
 
-    /// Advances the scene by the given number of steps.
     fn advance(&self, console: &Console, scene: &mut LoadedScene, dt: f64) -> Result<(), Stop> {
         if self.steps == 0 {
             return Ok(());

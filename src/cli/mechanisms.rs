@@ -1,15 +1,12 @@
 //! `sprung mechanisms`: which motions stretch no spring, and why a matrix is singular.
 
-use super::common::{At, LoadedScene, SceneFile, claim};
+use super::common::{At, Process, SceneFile, claim};
 use super::console::{Console, warning};
-use super::threads::Threads;
 use super::view::write_motions;
 use super::{Exit, Stop};
-use sprung::Result;
-use sprung::mechanisms::{Mechanisms, mechanisms};
-use sprung::output::{AtomicFile, OutputFolder};
+use sprung::mechanisms::mechanisms;
+use sprung::output::AtomicFile;
 use sprung::report::statics::{MechanismsRecord, mechanism_motions, mechanisms_text};
-use std::path::{Path, PathBuf};
 
 /// Say why a matrix is singular: motions that stretch no spring
 ///
@@ -26,11 +23,7 @@ pub struct MechanismsCommand {
     at: At,
 
     #[command(flatten)]
-    threads: Threads,
-
-    /// Folder for the files, made where it does not exist [default: out/<scene name>]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    process: Process,
 }
 
 const PAGE: &str = "mechanisms.html";
@@ -39,19 +32,17 @@ const FILES: [&str; 2] = ["mechanisms.json", PAGE];
 impl MechanismsCommand {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let scene = self.at.place(self.scene.load(console)?)?;
-        let folder = scene.folder(&self.out);
-        let file = scene.file.clone();
-        let computed = self.threads.attend(
-            move |_: &mut dyn FnMut(())| mechanisms(&scene.system, &scene.state).map(|found| (scene, found)),
-            |()| {},
-        )?;
-        let Some(computed) = computed else {
-            return Err(Stop::Computation("interrupted: nothing was written".into()));
-        };
-        let (scene, found) = computed.map_err(|error| error.in_file(&file))?;
+        let folder = self.process.folder(&scene);
+        let (scene, found) = self.process.compute(scene, |scene| {
+            let found = mechanisms(&scene.system, &scene.state)?;
+            Ok((scene, found))
+        })?;
         let claimed = claim(&folder, &FILES, false)?;
-        let record = MechanismsRecord::new(&scene.name, &found);
-        let has_page = write(&claimed, &folder, &scene, &record, &found).map_err(Stop::Broken)?;
+        let record = MechanismsRecord { scene: &scene.name, found: &found };
+        let motions = mechanism_motions(&scene.name, &found);
+        let written = AtomicFile::write_indented_json(folder.join(FILES[0]), &record)
+            .and_then(|()| write_motions(&claimed, PAGE, &scene, &scene.state.positions, &motions));
+        let has_page = written.map_err(Stop::Broken)?;
         let mut text = mechanisms_text(&scene.name, &found).trim_end().to_owned();
         if has_page {
             text += &format!("\nopen {}", folder.join(PAGE).display());
@@ -62,16 +53,4 @@ impl MechanismsCommand {
         }
         Ok(Exit::Done)
     }
-}
-
-/// Writes the files; returns whether there is a motion that a page can play.
-fn write(
-    claimed: &OutputFolder,
-    folder: &Path,
-    scene: &LoadedScene,
-    record: &MechanismsRecord<'_>,
-    found: &Mechanisms,
-) -> Result<bool> {
-    AtomicFile::write_indented_json(folder.join(FILES[0]), record)?;
-    write_motions(claimed, &folder.join(PAGE), scene, &scene.state.positions, &mechanism_motions(&scene.name, found))
 }

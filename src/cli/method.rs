@@ -107,7 +107,6 @@ const PRECONDITIONERS: [(PreconditionerChoice, &str); 5] = [
     ),
 ];
 
-/// A kind, or `None` for `auto`.
 #[derive(Debug, Clone, Copy)]
 struct PreconditionerChoice(Option<PreconditionerKind>);
 

@@ -56,11 +56,9 @@ enum Command {
     Man(print::Man),
 }
 
-/// The end of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Exit {
     Done,
-    /// The computation ran and failed.
     Failed,
 }
 
@@ -91,7 +89,6 @@ fn arguments() -> Arguments {
     Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
 }
 
-/// Runs the command of the arguments; returns the exit status.
 pub fn main() -> ExitCode {
     let Arguments { console, command } = arguments();
     console::set_color(console.color);

@@ -1,17 +1,15 @@
 //! `sprung modes`: how the scene vibrates about a state.
 
-use super::common::{At, LoadedScene, SceneFile, claim, positive_count};
+use super::common::{At, Process, SceneFile, claim, positive_count};
 use super::console::{Console, warning};
-use super::threads::Threads;
 use super::view::write_motions;
 use super::{Exit, Stop};
 use sprung::equilibrium::{EquilibriumOptions, Stability, equilibrium};
-use sprung::modes::{Modes, modes};
-use sprung::output::{AtomicFile, OutputFolder, write_modes};
+use sprung::modes::modes;
+use sprung::output::{AtomicFile, write_modes};
 use sprung::report::statics::{ModesRecord, mode_motions, modes_text, verdict};
-use sprung::{Error, Result};
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Find the lowest normal modes: frequencies, damping, shapes
 ///
@@ -32,62 +30,37 @@ pub struct ModesCommand {
     at: PathBuf,
 
     #[command(flatten)]
-    threads: Threads,
-
-    /// Folder for the files, made where it does not exist [default: out/<scene name>]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    process: Process,
 }
 
 const PAGE: &str = "modes.html";
 const FILES: [&str; 3] = ["modes.json", "modes.npz", PAGE];
-
-/// Why there are no modes.
-enum Failure {
-    Unusable(Error),
-    NoEquilibrium(String),
-}
-
-impl From<Error> for Failure {
-    fn from(error: Error) -> Self {
-        Self::Unusable(error)
-    }
-}
 
 impl ModesCommand {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let at = self.at.display().to_string();
         let is_file = !matches!(at.as_str(), "start" | "equilibrium");
         let scene = At { at: is_file.then(|| self.at.clone()) }.place(self.scene.load(console)?)?;
-        let folder = scene.folder(&self.out);
-        let file = scene.file.clone();
+        let folder = self.process.folder(&scene);
         let (number, from_equilibrium) = (self.number.get(), at == "equilibrium");
-        let computed = self.threads.attend(
-            move |_: &mut dyn FnMut(())| {
-                let mut scene = scene;
-                if from_equilibrium {
-                    let found = equilibrium(&scene.system, &scene.state, EquilibriumOptions::default())?;
-                    if matches!(found.stability, Stability::None | Stability::NotConverged) {
-                        return Err(Failure::NoEquilibrium(verdict(&found)));
-                    }
-                    scene.state = found.state;
+        let (scene, found) = self.process.compute(scene, move |mut scene| {
+            if from_equilibrium {
+                let found = equilibrium(&scene.system, &scene.state, EquilibriumOptions::default())?;
+                if matches!(found.stability, Stability::None | Stability::NotConverged) {
+                    return Err(Stop::Computation(format!("no equilibrium was found: {}", verdict(&found))));
                 }
-                let found = modes(&scene.system, &scene.state, number)?;
-                Ok((scene, found))
-            },
-            |()| {},
-        )?;
-        let (scene, found) = match computed {
-            None => return Err(Stop::Computation("interrupted: nothing was written".into())),
-            Some(Err(Failure::NoEquilibrium(why))) => {
-                return Err(Stop::Computation(format!("no equilibrium was found: {why}")));
+                scene.state = found.state;
             }
-            Some(Err(Failure::Unusable(error))) => return Err(error.in_file(&file).into()),
-            Some(Ok(computed)) => computed,
-        };
+            let found = modes(&scene.system, &scene.state, number)?;
+            Ok((scene, found))
+        })?;
         let claimed = claim(&folder, &FILES, false)?;
-        let record = ModesRecord::new(&scene.name, &at, &found);
-        let has_page = write(&claimed, &folder, &scene, &at, &record, &found).map_err(Stop::Broken)?;
+        let record = ModesRecord { scene: &scene.name, at: &at, found: &found };
+        let motions = mode_motions(&scene.name, &at, &scene.system, &found);
+        let written = AtomicFile::write_indented_json(folder.join(FILES[0]), &record)
+            .and_then(|()| write_modes(folder.join(FILES[1]), &scene.system, &found))
+            .and_then(|()| write_motions(&claimed, PAGE, &scene, &scene.state.positions, &motions));
+        let has_page = written.map_err(Stop::Broken)?;
         let text = modes_text(&scene.name, &at, scene.system.dimension(), &found);
         let names = if has_page { &FILES[..] } else { &FILES[..2] };
         let mut text = format!("{text}  files: {} in {}", names.join(", "), folder.display());
@@ -100,24 +73,4 @@ impl ModesCommand {
         }
         Ok(Exit::Done)
     }
-}
-
-/// Writes the files; returns whether there is a motion that a page can play.
-fn write(
-    claimed: &OutputFolder,
-    folder: &Path,
-    scene: &LoadedScene,
-    at: &str,
-    record: &ModesRecord<'_>,
-    found: &Modes,
-) -> Result<bool> {
-    AtomicFile::write_indented_json(folder.join(FILES[0]), record)?;
-    write_modes(folder.join(FILES[1]), &scene.system, found)?;
-    write_motions(
-        claimed,
-        &folder.join(PAGE),
-        scene,
-        &scene.state.positions,
-        &mode_motions(&scene.name, at, &scene.system, found),
-    )
 }

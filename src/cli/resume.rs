@@ -18,7 +18,6 @@ use std::time::Instant;
 /// The common settings of all parts.
 pub struct Parts<'s> {
     pub system: &'s System,
-    /// The initial state of the run.
     pub start: &'s State,
     pub plan: &'s Plan,
     pub schedule: &'s Schedule,
@@ -26,17 +25,14 @@ pub struct Parts<'s> {
     pub checkpoints: Option<Checkpoints<'s>>,
 }
 
-/// The interval and folder of checkpoints.
 pub struct Checkpoints<'s> {
     pub every: NonZeroU64,
     pub folder: &'s Path,
-    /// The run's fingerprint.
     pub run: String,
     /// Options that depend on its length.
     pub length: String,
 }
 
-/// A run that has ended.
 pub struct Ended<'s> {
     pub stepper: Stepper<'s>,
     pub monitor: Monitor<'s>,
@@ -70,7 +66,6 @@ impl<'s> Parts<'s> {
         plan.rtol.is_none() && schedule.ends_with_whole_step() && schedule.len().is_multiple_of(every.get())
     }
 
-    /// The monitor and the stepper of the part that begins at a state.
     pub fn begin(&self, from: Option<&Checkpoint>, state: &State) -> Result<(Monitor<'s>, Stepper<'s>)> {
         let monitor = match from {
             None => Monitor::new(self.system, state, self.monitor)?,
@@ -92,7 +87,7 @@ impl<'s> Parts<'s> {
     ) -> Result<Ended<'s>> {
         let Self { system, schedule, plan, .. } = *self;
         let mut clock = Instant::now();
-        loop {
+        let (outcome, statistics, wall_seconds) = loop {
             let reached = from.as_ref().map_or(0, |checkpoint| checkpoint.reached);
             let part = self.checkpoints.as_ref().map_or(*schedule, |c| schedule.part(reached, c.every.get()));
             let mut unwritten = None;
@@ -122,7 +117,7 @@ impl<'s> Parts<'s> {
                 outcome.status() == Status::Completed && (!is_last || self.ends_on_longer_runs(c.every))
             };
             let Some(checkpoints) = self.checkpoints.as_ref().filter(is_due) else {
-                return Ok(Ended { stepper, monitor, outcome, statistics, wall_seconds });
+                break (outcome, statistics, wall_seconds);
             };
             let (energies, frames) = recorder.position()?;
             let checkpoint = Checkpoint {
@@ -142,16 +137,17 @@ impl<'s> Parts<'s> {
             };
             checkpoint.write(checkpoints.folder)?;
             if is_last {
-                return Ok(Ended { stepper, monitor, outcome, statistics, wall_seconds });
+                break (outcome, statistics, wall_seconds);
             }
             (monitor, stepper) = self.begin(Some(&checkpoint), state)?;
             // An interruption in the last step ends the run here, with everything in the checkpoint.
             if is_interrupted() {
                 let outcome = Outcome { steps: checkpoint.steps, end: Ok(ControlFlow::Break(())) };
-                return Ok(Ended { stepper, monitor, outcome, statistics, wall_seconds });
+                break (outcome, statistics, wall_seconds);
             }
             from = Some(checkpoint);
-        }
+        };
+        Ok(Ended { stepper, monitor, outcome, statistics, wall_seconds })
     }
 }
 
@@ -174,7 +170,6 @@ impl Earlier {
         Ok(Self { folder: folder.into(), run: earlier_run(folder), checkpoint, is_finished })
     }
 
-    /// Steps between checkpoints.
     pub fn every(&self) -> Option<NonZeroU64> {
         NonZeroU64::new(self.checkpoint.as_ref()?.every)
     }

@@ -1,13 +1,13 @@
 //! `sprung run`: simulate a scene.
 
-use super::accuracy::AccuracyCommand;
-use super::common::{At, LoadedScene, SceneFile, claim, positive, positive_count, whole};
+use super::accuracy;
+use super::common::{At, LoadedScene, Process, SceneFile, claim, positive, positive_count, whole};
 use super::console::{Console, count, error, help, number, warning};
 use super::files::{FILES, Files, Recorder};
 use super::method::{MethodArguments, arguments_of};
 use super::resume::{Checkpoints, Earlier, Ended, Parts};
 use super::summary::SummaryText;
-use super::threads::{Threads, end_in_order};
+use super::threads::end_in_order;
 use super::{Exit, Stop};
 use sprung::accuracy::AccuracyOptions;
 use sprung::inspect::Inspection;
@@ -20,7 +20,7 @@ use sprung::plan::{DEFAULT_STEP, Plan, parallelism, records_every};
 use sprung::report::inspection::explain;
 use sprung::{Error, Result, State, System};
 use std::num::NonZeroU64;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Simulate a scene
 ///
@@ -77,11 +77,7 @@ pub struct Run {
     resume: bool,
 
     #[command(flatten)]
-    threads: Threads,
-
-    /// Folder for the files, made where it does not exist [default: out/<scene name>]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    process: Process,
 }
 
 /// Fixed steps, or the interval of records and the tolerance of adaptive ones.
@@ -100,12 +96,12 @@ impl Run {
                 console.note("--checkpoint has no effect with --accuracy");
             }
             self.method.note_unused(console, None);
-            let command = AccuracyCommand { files: &self.files, options, folder: scene.folder(&self.out) };
-            self.threads.install(|| command.execute(console, &scene))?
+            let folder = self.process.folder(&scene);
+            self.process.threads.install(|| accuracy::search(console, &scene, &self.files, &options, &folder))?
         } else {
             let pacing = self.pacing(console, &scene)?;
             self.method.note_unused(console, pacing.rtol);
-            self.threads.install(|| self.simulate(console, &scene, pacing))?
+            self.process.threads.install(|| self.simulate(console, &scene, pacing))?
         };
         if summary.statistics.indefinite_solves > 0 {
             let solves = count(summary.statistics.indefinite_solves, "solve");
@@ -155,14 +151,13 @@ impl Run {
         Ok(Pacing { schedule, rtol: options.rtol, has_no_dt: false })
     }
 
-    /// Runs, writes and reports the results.
     fn simulate(&self, console: &Console, scene: &LoadedScene, pacing: Pacing) -> Result<Summary, Stop> {
         let Pacing { schedule, rtol, has_no_dt } = &pacing;
         let LoadedScene { file, name, system, state: start, .. } = scene;
         let lengths = [schedule.dt(), schedule.elapsed(schedule.len())];
         let plan = self.method.run_options().plan(system, start, lengths, *rtol);
         let plan = &plan.map_err(|error| error.in_file(file))?;
-        let folder = scene.folder(&self.out);
+        let folder = self.process.folder(scene);
         let earlier = Earlier::of(&folder, self.resume)?;
         let every = self.checkpoint.or_else(|| earlier.every());
         let parts = Parts {
@@ -244,7 +239,6 @@ impl Run {
         if self.files.frames.is_some() { clear_frames(folder) } else { Ok(()) }
     }
 
-    /// Completes all files; returns their names.
     fn finish(
         &self,
         folder: &OutputFolder,

@@ -18,12 +18,10 @@ fn shared_flag() -> &'static Arc<AtomicBool> {
     FLAG.get_or_init(Arc::default)
 }
 
-/// The interruption as the library takes it.
 pub fn interrupt() -> Interrupt {
     Interrupt::on(shared_flag())
 }
 
-/// Whether an end was requested.
 pub fn is_interrupted() -> bool {
     shared_flag().load(Ordering::Relaxed)
 }
@@ -58,8 +56,7 @@ fn hangup() -> Option<i32> {
     None
 }
 
-/// Bytes that must be free when a computation begins, and of a thread's stack.
-const BEGINNING: u64 = 2 << 20;
+/// Bytes of a thread's stack, and those that must be free when a computation begins.
 const STACK: u64 = 2 << 20;
 
 /// The number of threads that compute.
@@ -70,14 +67,12 @@ pub struct Threads {
     threads: Option<u16>,
 }
 
-/// A message of a computation in the background.
 enum Message<T, R> {
     Progress(T),
     Done(R),
 }
 
 impl Threads {
-    /// Runs a computation on the threads.
     pub fn install<T: Send>(&self, compute: impl FnOnce() -> Result<T, Stop> + Send) -> Result<T, Stop> {
         self.pool()?.install(compute)
     }
@@ -112,7 +107,7 @@ impl Threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).spawn_handler(start_thread).build();
         let pool = pool.map_err(|error| Error::Usage(format!("--threads: {error}")))?;
         // Small allocations are not checked: the threads must leave some memory for them.
-        sprung::memory::ensure(BEGINNING, "what a computation begins with")?;
+        sprung::memory::ensure(STACK, "what a computation begins with")?;
         Ok(pool)
     }
 }
@@ -120,7 +115,7 @@ impl Threads {
 /// Starts a thread of the pool, and returns when its allocator has reserved its arena. With limited address space threads that do so at
 /// the same time, or later, end the process.
 fn start_thread(thread: rayon::ThreadBuilder) -> io::Result<()> {
-    sprung::memory::ensure(STACK + BEGINNING, "what a thread begins with").map_err(io::Error::other)?;
+    sprung::memory::ensure(2 * STACK, "what a thread begins with").map_err(io::Error::other)?;
     let (sender, receiver) = mpsc::channel();
     std::thread::Builder::new().stack_size(STACK as usize).spawn(move || {
         drop(std::hint::black_box(Box::new(0u64)));

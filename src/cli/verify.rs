@@ -6,6 +6,7 @@ use super::threads::Threads;
 use super::{Exit, Stop};
 use serde_json::Value;
 use sprung::Error;
+use sprung::output::write_report;
 use sprung::report;
 use sprung::verify::{Check, FAMILIES, Results, TestCase, built_in};
 use std::path::PathBuf;
@@ -47,7 +48,7 @@ impl Verify {
         if results.checks.is_empty() && !is_complete {
             return Err(Stop::Computation("interrupted before anything was checked".into()));
         }
-        report::write(&folder, &results).map_err(Stop::Broken)?;
+        write_report(&folder, &results).map_err(Stop::Broken)?;
         let broken = |source| Stop::Broken(Error::io(folder.join(FILES[1]), source));
         let json = report::json(&results).map_err(broken)?;
         let json: Value = serde_json::from_str(&json).map_err(|error| broken(error.into()))?;

@@ -30,7 +30,6 @@ pub struct View {
     at: At,
 }
 
-/// The name of the page in an output folder.
 pub const PAGE: &str = "view.html";
 
 impl View {
@@ -46,7 +45,7 @@ impl View {
         } else if self.subject.as_os_str() == "-" || self.subject.exists() {
             let scene = self.at.place(SceneFile { path: self.subject.clone() }.load(console)?)?;
             let topology = SceneTopology::of(&scene.system, &scene.triangles);
-            (Animation::still(&scene.name, topology, &scene.state), scene.folder(&None))
+            (Animation::still(&scene.name, topology, &scene.state), folder_of(&scene.name))
         } else {
             return Err(missing(&self.subject).into());
         };
@@ -76,7 +75,6 @@ fn missing(subject: &Path) -> Error {
     Error::Usage(format!("{}: there is nothing of this name; {advice}", subject.display()))
 }
 
-/// The motion in a folder.
 fn motion(folder: &Path) -> Result<Animation> {
     if folder.join(TRAJECTORY).is_file() {
         return playback(folder);
@@ -95,16 +93,15 @@ pub fn write_page(page: &Path, animation: &Animation) -> Result<usize> {
 /// Writes the page of motions about a state; removes an older one, and returns false, where there are none.
 pub fn write_motions(
     claimed: &OutputFolder,
-    page: &Path,
+    name: &str,
     scene: &LoadedScene,
     positions: &[Vector3<f64>],
     motions: &Motions,
 ) -> Result<bool> {
     if motions.motions.is_empty() {
-        page.file_name().and_then(|name| name.to_str()).map_or(Ok(()), |name| claimed.remove(name))?;
-        return Ok(false);
+        return claimed.remove(name).map(|()| false);
     }
+    let page = claimed.path().join(name);
     let text = motions.html(SceneTopology::of(&scene.system, &scene.triangles), positions);
-    AtomicFile::write_text(page, &text.map_err(|source| Error::io(page, source))?)?;
-    Ok(true)
+    AtomicFile::write_text(&page, &text.map_err(|source| Error::io(&page, source))?).map(|()| true)
 }

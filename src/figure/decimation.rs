@@ -13,7 +13,6 @@ use nalgebra::Vector3;
 pub struct Decimation {
     /// The particles that are shown, by their numbers in the scene.
     pub founders: Vec<u32>,
-    /// The group of every particle.
     group: Vec<u32>,
     /// Groups that springs join, each pair once.
     lines: Vec<[u32; 2]>,
@@ -77,7 +76,6 @@ impl Decimation {
         Self { founders, group, lines, line, share }
     }
 
-    /// The shown part of a scene.
     pub(super) fn topology(&self, whole: &SceneTopology) -> SceneTopology {
         let bindings = self.founders.iter().filter_map(|&p| whole.bindings.get(p as usize).copied()).collect();
         let mut triangles: Vec<[u32; 3]> =
@@ -97,7 +95,6 @@ impl Decimation {
         }
     }
 
-    /// The positions of the founders.
     pub(super) fn positions<'a>(&'a self, positions: &'a [Vector3<f64>]) -> impl Iterator<Item = Vector3<f64>> + 'a {
         self.founders.iter().map(|&p| positions.get(p as usize).copied().unwrap_or_default())
     }

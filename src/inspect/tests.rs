@@ -263,7 +263,10 @@ fn estimates_are_near_and_proofs_hold() {
         // In words: what is an estimate is called one.
         #[cfg(feature = "report")]
         {
-            let told = crate::report::inspection::text("chain", 0, 0.0, &found, None);
+            use crate::report::inspection::InspectionReport;
+            let (step, time) = (0, 0.0);
+            let report = InspectionReport { scene: "chain", step, time, inspection: &found, losses: None };
+            let told = report.text();
             assert!(
                 told.contains("  estimated    ") && told.contains("for the memory that a factor of A takes"),
                 "{told}"

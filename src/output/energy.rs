@@ -224,14 +224,4 @@ mod tests {
             assert_eq!(Checksum::of(text.as_bytes()).text(), sum);
         }
     }
-
-    #[test]
-    fn tallies_continue_others() {
-        let mut whole = Tally::new(Vec::new());
-        whole.write_all(b"foobar").unwrap();
-        let mut second = Tally::after(Vec::new(), 3, Checksum::of(b"foo"));
-        second.write_all(b"bar").unwrap();
-        assert_eq!(whole.so_far(), second.so_far());
-        assert_eq!((whole.into_inner(), second.into_inner()), (b"foobar".to_vec(), b"bar".to_vec()));
-    }
 }

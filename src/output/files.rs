@@ -101,14 +101,8 @@ impl AtomicFile {
         })
     }
 
-    /// The name of the file while it is unfinished.
     pub(super) fn unfinished(&self) -> &Path {
         self.file.get_ref().path()
-    }
-
-    /// The name that the file will have.
-    pub fn target(&self) -> &Path {
-        &self.target
     }
 
     /// Completes the file: it takes its name, replacing an older file atomically.
@@ -162,7 +156,6 @@ pub(super) fn truncated(path: &Path, length: u64) -> io::Result<File> {
     Ok(file)
 }
 
-/// The first bytes of a file that has at least so many.
 fn read_first(path: &Path, length: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)?.take(length).read_to_end(&mut bytes)?;

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::inspect::Inspection;
 use crate::integrate::StepMatrices;
 use crate::operator::LinearOperator;
-use crate::report::inspection::InspectionRecord;
+use crate::report::inspection::InspectionReport;
 use crate::scene::{Scene, TimeSettings};
 use crate::system::{DofMap, State, System};
 use std::io::{self, Write};
@@ -133,8 +133,8 @@ impl FailedStep<'_> {
         let comment = format!("b = M v/dt + M gravity + f_elastic - A_fc dx_c, in N; {how}\nrows as in dofs.csv");
         write_vector(folder.join("b.mtx"), &comment, &b)?;
         write_dofs(folder.join("dofs.csv"), system.dofs())?;
-        let record = InspectionRecord::new(name, self.steps, state.time, inspection);
-        AtomicFile::write_indented_json(folder.join("culprits.json"), &record)
+        let report = InspectionReport { scene: name, step: self.steps, time: state.time, inspection, losses: None };
+        AtomicFile::write_indented_json(folder.join("culprits.json"), &report)
     }
 }
 

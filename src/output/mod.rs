@@ -24,3 +24,17 @@ pub use modes::write_modes;
 pub use playback::{describe, energy_tracks, playback};
 pub use summary::{ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport, RunRecord, Summary};
 pub use trajectory::{TRAJECTORY, Trajectory, WAITING};
+
+use crate::error::{Error, Result};
+use crate::report;
+use crate::verify::Results;
+use std::path::Path;
+
+/// Writes `report.html`, `report.json` and `junit.xml` of a verification into a folder, which is created.
+pub fn write_report(folder: impl AsRef<Path>, results: &Results) -> Result<()> {
+    let file = |name: &str| folder.as_ref().join(name);
+    let failed = |source| Error::io(folder.as_ref(), source);
+    AtomicFile::write_text(file("report.html"), &report::html(results))?;
+    AtomicFile::write_text(file("report.json"), &report::json(results).map_err(failed)?)?;
+    AtomicFile::write_text(file("junit.xml"), &report::junit(results).map_err(failed)?)
+}

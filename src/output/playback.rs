@@ -3,7 +3,7 @@
 use super::trajectory::{TRAJECTORY, array, list, wrong};
 use crate::error::{Error, Result};
 use crate::figure::{Animation, Binding, SceneTopology, Track};
-use crate::report::number::typeset;
+use crate::report::number::{compact, typeset};
 use nalgebra::Vector3;
 use serde_json::Value;
 use std::fs::File;
@@ -87,6 +87,7 @@ pub fn describe(animation: &mut Animation, summary: Option<&Value>) {
         _ => method,
     });
     // With adaptive steps dt is only the interval of records.
+    let digits = |value: f64| typeset(&compact(value));
     let number = |key: &str| value(key).and_then(Value::as_f64).map(digits);
     let dt = match (number("rtol"), number("dt")) {
         (Some(rtol), _) => Some(format!("steps by rtol {rtol}")),
@@ -103,21 +104,10 @@ pub fn describe(animation: &mut Animation, summary: Option<&Value>) {
     animation.remarks.extend([method, dt, status, apart].into_iter().flatten());
 }
 
-/// A number in at most five digits, with a power of ten where it is very large or small.
-fn digits(value: f64) -> String {
-    let rounded: f64 = format!("{value:.4e}").parse().unwrap_or(value);
-    if rounded == 0.0 || (1e-6..1e9).contains(&rounded.abs()) {
-        rounded.to_string()
-    } else {
-        typeset(&format!("{rounded:e}"))
-    }
-}
-
 /// Columns of `energy.csv` that share a picture, in J: the energies, and their balance.
 const ENERGIES: [&str; 4] = ["kinetic", "elastic", "gravitational", "total"];
 const BALANCE: [&str; 3] = ["work", "dissipated", "imbalance"];
 
-/// The curves of `energy.csv`.
 fn energies(path: &Path) -> Option<Vec<Track>> {
     let mut reader = csv::Reader::from_path(path).ok()?;
     let names: Vec<String> = reader.headers().ok()?.iter().map(str::to_owned).collect();

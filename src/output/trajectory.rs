@@ -1,21 +1,6 @@
-//! `trajectory.npz`: the frames of a run in one file, for NumPy and for the page that plays them.
+//! `trajectory.npz`: the frames of a run in one file, for NumPy and for the page that plays them. The guide lists its arrays (`reading-results.md`).
 //!
-//! An `.npz` file is a zip of `.npy` arrays; `numpy.load("trajectory.npz")` opens it.
-//!
-//! | array | type | shape | |
-//! |---|---|---|---|
-//! | `times` | float64 | (F) | in s |
-//! | `steps` | uint64 | (F) | steps done |
-//! | `positions`, `velocities` | float64 | (F, N, d) | in m and m/s, to the bit |
-//! | `masses` | float64 | (N) | in kg |
-//! | `bindings` | uint8 | (N) | 0 free, 1 a coordinate is held, 2 a coordinate is moved |
-//! | `pairs` | uint32 | (S, 2) | end points of every spring |
-//! | `stiffness`, `rest_lengths`, `damping` | float64 | (S) | k in N, l0 in m, b in N·s/m |
-//! | `triangles` | uint32 | (T, 3) | corners of a mesh's faces |
-//! | `gravity` | float64 | (d) | in m/s² |
-//!
-//! F frames, N particles, S springs, d modelled axes. A zip has one array after the other, a run one frame after the other: frames are
-//! in a temporary file until the run ends.
+//! A zip has one array after the other, a run one frame after the other: frames are in a temporary file until the run ends.
 
 use super::AtomicFile;
 use super::files::{MISSING, truncated};
@@ -162,10 +147,8 @@ fn restore(from: &Path, to: &Path, frames: &[(f64, u64)], system: &System) -> io
     waiting.flush()
 }
 
-/// A `trajectory.npz` that is read.
 pub(super) type Archive = ZipArchive<BufReader<File>>;
 
-/// The array of a name, as a stream.
 pub(super) fn array<'a>(
     archive: &'a mut Archive,
     name: &str,
@@ -174,7 +157,6 @@ pub(super) fn array<'a>(
     NpyFile::new(BufReader::with_capacity(1 << 18, entry))
 }
 
-/// The numbers of an array.
 pub(super) fn list<T: npyz::Deserialize>(archive: &mut Archive, name: &str) -> io::Result<Vec<T>> {
     array(archive, name)?.into_vec()
 }
@@ -355,7 +337,7 @@ mod tests {
         };
         let all =
             r#"{"scene": "bridge", "method": "bdf2", "stiffness": "full", "dt": 0.0123456, "status": "completed"}"#;
-        let expected = ["bdf2, stiffness full", "dt = 0.012346 s"].map(String::from);
+        let expected = ["bdf2, stiffness full", "dt = 0.0123456 s"].map(String::from);
         assert_eq!(remarks(all), ("bridge".into(), expected.to_vec()));
         let failed = r#"{"method": "verlet", "stiffness": "none", "rtol": 1e-3, "dt": 1.0, "status": "unstable",
             "failure": {"message": "energy from nowhere"}}"#;

@@ -90,19 +90,20 @@ impl ScaledAxis {
     /// Labels at whole decades where there are three, else at round numbers between, as few as will do.
     fn set_logarithmic_ticks(&mut self) {
         let (low, high) = (self.low, self.high);
-        let decades = low.ceil() as i32..=high.floor() as i32;
-        let around = decades.start() - 1..=*decades.end();
+        // Digits times powers of ten on the axis: the logarithm, the digit and the decade.
         let of_digits = |digits: &[f64]| -> Vec<(f64, f64, i32)> {
-            let all = around.clone().flat_map(|decade| digits.iter().map(move |&digit| (digit, decade)));
+            let decades = low.floor() as i32..=high.floor() as i32;
+            let all = decades.flat_map(|decade| digits.iter().map(move |&digit| (digit, decade)));
             let all = all.map(|(digit, decade)| (f64::from(decade) + digit.log10(), digit, decade));
             all.filter(|(value, ..)| (low..=high).contains(value)).collect()
         };
-        let ticks: Vec<(f64, f64, i32)> = if decades.clone().count() > 2 {
+        let mut ticks = of_digits(&[1.0]);
+        if ticks.len() > 2 {
             let step = ((high - low) / LABELS).ceil().max(1.0) as usize;
-            decades.step_by(step).map(|decade| (f64::from(decade), 1.0, decade)).collect()
+            ticks = ticks.into_iter().step_by(step).collect();
         } else {
-            BETWEEN.into_iter().map(of_digits).find(|ticks| ticks.len() > 2).unwrap_or_default()
-        };
+            ticks = BETWEEN.into_iter().map(of_digits).find(|ticks| ticks.len() > 2).unwrap_or_default();
+        }
         let powers = ticks.iter().all(|tick| tick.1 == 1.0);
         let label = |&(value, digit, decade): &(f64, f64, i32)| {
             let text = if powers { number::power_of_ten(decade) } else { digit_label(digit, decade) };
@@ -135,7 +136,6 @@ fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
     values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
 }
 
-/// The value itself or its decimal logarithm.
 fn measure(scale: Scale, value: f64) -> Option<f64> {
     match scale {
         // The length of an axis from the least to the greatest double would overflow.

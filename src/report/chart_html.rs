@@ -32,11 +32,10 @@ pub fn chart_html(chart: &WorkPrecision, map: &StabilityMap) -> String {
                 "Every point is one run of the whole motion. Of each method the stiffness option and solver that cost least over \
                  all accuracies are drawn; for one accuracy another may cost less. Work is counted in force evaluations of this scene: it is the same as often as a run is repeated, time is not."
             }
-            (named(&["time", "work", "solves", "error"]))
+            (named(&["time", "work", "error"]))
         }))
         (section("options", "Stiffness options and solvers", &named(&["options-euler", "options-w2"])))
         (section("drift", "What methods add or take away", &named(&["energy", "angular-momentum"])))
-        (section("solvers", "Linear solvers", &named(&["tolerance-error"])))
         @if !map.tiles.is_empty() { (section("stability", "Where methods are stable", &stability(map))) }
         (section("runs", "All runs", &page::folded(&number::count(chart.runs.len(), "run"), &runs(&chart.runs))))
     };
@@ -77,33 +76,35 @@ fn text(value: impl AsRef<str>) -> Markup {
     html! { (value.as_ref()) }
 }
 
+const COLUMNS: [(&str, Column); 7] = [
+    ("method", Column::Text),
+    ("stiffness", Column::Text),
+    ("solver", Column::Text),
+    ("steps", Column::Text),
+    ("work", Column::Number),
+    ("time, s", Column::Number),
+    ("error", Column::Number),
+];
+
+fn cells(run: &Run) -> [Markup; 7] {
+    [
+        text(run.variant()),
+        text(run.stiffness),
+        text(run.solver),
+        text(typeset(&run.step_control())),
+        text(pretty(run.cost.round())),
+        text(pretty(run.wall_seconds)),
+        text(run.error.map_or("—".into(), pretty)),
+    ]
+}
+
 fn best(name: &str, decisions: &[Decision<'_>]) -> Markup {
-    use Column::{Number, Text};
-    let columns = [
-        ("method", Text),
-        ("stiffness", Text),
-        ("solver", Text),
-        ("steps", Text),
-        ("work", Number),
-        ("time, s", Number),
-        ("error", Number),
-    ];
     let mut rows = Vec::new();
     for decision in decisions {
         rows.push(Row::Heading(format!("For an error below {} %:", decision.percent())));
-        rows.extend(decision.methods.iter().map(|run| {
-            Row::Cells(vec![
-                html! { (run.method) @if run.rtol.is_some() { ", adaptive" } },
-                text(run.stiffness),
-                text(run.solver),
-                text(typeset(&run.step_control())),
-                text(pretty(run.cost.round())),
-                text(pretty(run.wall_seconds)),
-                text(run.error.map_or(String::new(), pretty)),
-            ])
-        }));
+        rows.extend(decision.methods.iter().map(|run| Row::Cells(cells(run).to_vec())));
     }
-    page::table(name, "full cards", &columns, rows)
+    page::table(name, "full cards", &COLUMNS, rows)
 }
 
 fn stability(map: &StabilityMap) -> Markup {
@@ -143,30 +144,10 @@ fn stability(map: &StabilityMap) -> Markup {
 }
 
 fn runs(runs: &[Run]) -> Markup {
-    use Column::{Number, Text};
-    let columns = [
-        ("method", Text),
-        ("stiffness", Text),
-        ("solver", Text),
-        ("dt, s", Number),
-        ("error", Number),
-        ("time, s", Number),
-        ("work", Number),
-        ("solves", Number),
-        ("status", Text),
-    ];
+    let columns = [&COLUMNS[..], &[("solves", Column::Number), ("status", Column::Text)]].concat();
     let rows = runs.iter().map(|run| {
-        Row::Cells(vec![
-            html! { (run.method) @if let Some(rtol) = run.rtol { ", rtol " (pretty(rtol)) } },
-            text(run.stiffness),
-            text(run.solver),
-            text(pretty(run.dt)),
-            text(run.error.map_or("—".into(), pretty)),
-            text(pretty(run.wall_seconds)),
-            text(pretty(run.cost.round())),
-            html! { (run.work.solves) },
-            text(run.status.name()),
-        ])
+        let [solves, status] = [html! { (run.work.solves) }, text(run.status.name())];
+        Row::Cells(cells(run).into_iter().chain([solves, status]).collect())
     });
     page::table("All runs", "full cards", &columns, rows)
 }

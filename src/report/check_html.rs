@@ -22,7 +22,6 @@ fn base(scene: &str) -> &str {
     scene.split(',').next().unwrap_or(scene).trim()
 }
 
-/// The address of a check on the page.
 pub(super) fn anchor(index: usize) -> String {
     format!("check-{index}")
 }
@@ -31,7 +30,6 @@ pub(super) fn failed(checks: &[(usize, &Check)]) -> usize {
     checks.iter().filter(|(_, check)| !check.passed()).count()
 }
 
-/// The largest share of a bound.
 pub(super) fn worst_share(checks: &[(usize, &Check)]) -> f64 {
     worst(checks.iter().map(|(_, check)| check.share()))
 }
@@ -150,33 +148,27 @@ fn value_row(index: usize, check: &Check, scenes: &[String]) -> Markup {
     }
 }
 
+type Cell = fn(&Entry) -> Option<Markup>;
+
+/// Worst entries, in the columns that have something to show.
 fn entries(check: &Check) -> Markup {
-    let exact = |value: f64| html! { span title=(format!("{value:e}")) { (pretty(value)) } };
-    type Cell<'a> = Box<dyn Fn(&Entry) -> Markup + 'a>;
-    let mut columns: Vec<(&str, Column, Cell<'_>)> =
-        vec![("in words", Column::Text, Box::new(|entry| html! { span.words { (entry.verdict) } }))];
-    if check.table.iter().any(|entry| entry.spring.is_some()) {
-        columns.push((
-            "spring",
-            Column::Number,
-            Box::new(|entry| html! { @if let Some(spring) = entry.spring { (spring) } }),
-        ));
+    fn exact(value: f64) -> Markup {
+        html! { span title=(format!("{value:e}")) { (pretty(value)) } }
     }
-    columns.push(("row", Column::Number, Box::new(|entry| html! { (entry.row) })));
-    if check.table.iter().any(|entry| entry.column.is_some()) {
-        columns.push((
-            "column",
-            Column::Number,
-            Box::new(|entry| html! { @if let Some(column) = entry.column { (column) } }),
-        ));
-    }
-    columns.push(("analytic", Column::Number, Box::new(|entry| exact(entry.analytic))));
-    columns.push(("numeric", Column::Number, Box::new(|entry| exact(entry.numeric))));
-    columns.push(("difference", Column::Number, Box::new(|entry| html! { (pretty(entry.absolute)) })));
-    columns.push(("relative", Column::Number, Box::new(|entry| html! { (pretty(entry.relative)) })));
-    let headings: Vec<(&str, Column)> = columns.iter().map(|&(heading, kind, _)| (heading, kind)).collect();
-    let rows = check.table.iter().map(|entry| Row::Cells(columns.iter().map(|(_, _, cell)| cell(entry)).collect()));
-    page::table(&format!("Worst entries on {}", check.scene), "cards", &headings, rows)
+    let columns: [(&str, Column, Cell); 8] = [
+        ("in words", Column::Text, |entry| Some(html! { span.words { (entry.verdict) } })),
+        ("spring", Column::Number, |entry| entry.spring.map(|spring| html! { (spring) })),
+        ("row", Column::Number, |entry| Some(html! { (entry.row) })),
+        ("column", Column::Number, |entry| entry.column.map(|column| html! { (column) })),
+        ("analytic", Column::Number, |entry| Some(exact(entry.analytic))),
+        ("numeric", Column::Number, |entry| Some(exact(entry.numeric))),
+        ("difference", Column::Number, |entry| Some(html! { (pretty(entry.absolute)) })),
+        ("relative", Column::Number, |entry| Some(html! { (pretty(entry.relative)) })),
+    ];
+    let shown: Vec<_> = columns.iter().filter(|(.., cell)| check.table.iter().any(|e| cell(e).is_some())).collect();
+    let headings: Vec<(&str, Column)> = shown.iter().map(|&&(heading, kind, _)| (heading, kind)).collect();
+    let row = |entry| Row::Cells(shown.iter().map(|(.., cell)| cell(entry).unwrap_or_default()).collect());
+    page::table(&format!("Worst entries on {}", check.scene), "cards", &headings, check.table.iter().map(row))
 }
 
 /// Figures of the failed checks, then of those that passed most narrowly; the numbers of all others are in the table.

@@ -7,7 +7,6 @@ use crate::chart::definiteness::{Comparison, ITERATIONS, Solve, TOLERANCE};
 use maud::html;
 use std::fmt::Write;
 
-/// The cells of a solve.
 fn cells(solve: &Solve, form: fn(f64) -> String) -> [String; 8] {
     let number = |count: Option<u64>| count.map_or("—".into(), |count| count.to_string());
     let ends = match (solve.negative, &solve.message) {

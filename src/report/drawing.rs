@@ -10,11 +10,9 @@ const SPRINGS: usize = 8000;
 const DOTS: usize = 200;
 /// Only so many arrows are drawn, the longest, so that the strain is seen between them.
 const ARROWS: usize = 48;
-/// Length of the longest arrow in pixels.
 const ARROW: f64 = 96.0;
 /// Half the height of the badge with a spring's number.
 const BADGE: f64 = 17.0;
-/// Free space around a badge.
 const GAP: f64 = 4.0;
 
 /// Draws a scene as one SVG element, 800 pixels wide, that can stand in a page or alone in a file.
@@ -99,7 +97,6 @@ impl View {
         Self { top, bottom: top + height, points: flat.into_iter().map(|p| p.map(place).and_then(finite)).collect() }
     }
 
-    /// A point's place, if it exists and is finite.
     fn point(&self, index: usize) -> Option<Point> {
         self.points.get(index).copied().flatten()
     }
@@ -216,7 +213,6 @@ fn draw_arrows(sheet: &mut Sheet, arrows: &[[Point; 2]]) {
     }
 }
 
-/// The numbers of the highlighted springs beside them.
 fn draw_badges(sheet: &mut Sheet, drawing: &Drawing, view: &View, labels: &[(usize, &Segment)], arrows: &[[Point; 2]]) {
     let springs = drawing.segments.iter().filter_map(|segment| view.ends(segment));
     let mut placement = LabelPlacement::new(springs.chain(arrows.iter().copied()).collect());
@@ -239,7 +235,6 @@ fn draw_badges(sheet: &mut Sheet, drawing: &Drawing, view: &View, labels: &[(usi
 struct LabelPlacement {
     /// Springs, arrows, and the leaders from springs to their badges.
     lines: Vec<[Point; 2]>,
-    /// The middle and the half width of every badge.
     badges: Vec<[f64; 3]>,
 }
 

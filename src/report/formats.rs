@@ -87,25 +87,29 @@ struct Record<'a> {
     name: &'a str,
     scene: &'a str,
     claim: &'static str,
-    #[serde(flatten)]
-    measured: Option<Measured>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    value: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bound: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    passed: Option<bool>,
     why: String,
-}
-
-#[derive(Serialize)]
-struct Measured {
-    value: f64,
-    bound: f64,
-    passed: bool,
 }
 
 impl<'a> Record<'a> {
     fn of(check: &'a Check, judged: bool) -> Self {
         let Check { name, scene, claim, value, bound, why, .. } = check;
-        let measured = judged.then(|| Measured { value: *value, bound: *bound, passed: check.passed() });
         let notes = [("value", *value), ("bound", *bound)]
             .map(|(name, x)| if judged && !x.is_finite() { format!("{name} is {x}; ") } else { String::new() });
-        Self { name, scene, claim: claim.id(), measured, why: notes.concat() + why }
+        Self {
+            name,
+            scene,
+            claim: claim.id(),
+            value: judged.then_some(*value),
+            bound: judged.then_some(*bound),
+            passed: judged.then(|| check.passed()),
+            why: notes.concat() + why,
+        }
     }
 }
 

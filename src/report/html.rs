@@ -1,23 +1,16 @@
 //! `report.html`: the results of a verification for people.
 
 use super::check_html::{Numbered, anchor, claim_section, failed, scenes, worst_share};
-use super::number::{count, typeset};
+use super::number::{self, count, typeset};
 use super::page::{self, Column, Row};
-use super::{bound_usage, number};
 use crate::verify::{Claim, Results};
 use maud::{Markup, PreEscaped, html};
-use serde::Deserialize;
 
 /// The results as one HTML page without scripts and without anything to load.
 pub fn html(results: &Results) -> String {
-    let mut claims: Vec<(Claim, Numbered<'_>)> = Vec::new();
-    for claim in Claim::ALL {
-        let checks: Numbered<'_> =
-            results.checks.iter().enumerate().filter(|(_, check)| check.claim == claim).collect();
-        if !checks.is_empty() {
-            claims.push((claim, checks));
-        }
-    }
+    let of = |claim| results.checks.iter().enumerate().filter(move |(_, check)| check.claim == claim);
+    let mut claims: Vec<(Claim, Numbered<'_>)> = Claim::ALL.map(|claim| (claim, of(claim).collect())).into();
+    claims.retain(|(_, checks)| !checks.is_empty());
     // The worst first: failed ones, then those nearest their bounds.
     claims.sort_by(|(_, a), (_, b)| failed(b).cmp(&failed(a)).then(worst_share(b).total_cmp(&worst_share(a))));
     let scenes = scenes(&results.checks);
@@ -26,9 +19,8 @@ pub fn html(results: &Results) -> String {
         @if !claims.is_empty() { (filter(&claims, &scenes)) }
         (contents(&claims))
         (not_verified(results))
-        (reading(results))
+        (reading())
         @for (claim, checks) in &claims { (claim_section(*claim, checks, &scenes)) }
-        (faults())
     };
     let [checks, scenes] = [count(results.checks.len(), "check"), count(scenes.len(), "scene")];
     let lead = format!("{checks} on {scenes}, for {}.", count(claims.len(), "claim"));
@@ -100,18 +92,15 @@ fn banner(results: &Results) -> Markup {
     }
 }
 
-/// The claims as a table that is the table of contents too: how each is tested, how near its checks come to their bounds, and the planted
-/// faults that no other claim has a check for.
+/// The claims as a table that is the table of contents too: how each is tested, and how near its checks come to their bounds.
 fn contents(claims: &[(Claim, Numbered<'_>)]) -> Markup {
     let columns = [
         ("claim, and what is measured", Column::Text),
         ("checks", Column::Number),
         ("value / bound: worst", Column::Number),
         ("median", Column::Number),
-        ("faults that it alone catches", Column::Number),
         ("verdict", Column::Text),
     ];
-    let faults = recorded_faults();
     let row = |(claim, checks): &(Claim, Numbered<'_>)| {
         let failed = failed(checks);
         let verdict = html! {
@@ -120,13 +109,11 @@ fn contents(claims: &[(Claim, Numbered<'_>)]) -> Markup {
         };
         let mut shares: Vec<f64> = checks.iter().map(|(_, check)| check.share()).collect();
         shares.sort_by(f64::total_cmp);
-        let alone = faults.iter().filter(|fault| fault.is_caught_by_one() && fault.claim() == claim.id()).count();
         let cells = vec![
             html! { a href=(format!("#{}", claim.id())) { (claim.title()) } br; small.quiet { (page::formula(claim.formula())) } },
             html! { (checks.len()) },
             html! { (number::share(number::pretty, worst_share(checks))) },
             html! { (number::share(number::pretty, shares[shares.len() / 2])) },
-            html! { (alone) },
             verdict,
         ];
         if failed == 0 { Row::Cells(cells) } else { Row::Failed(cells) }
@@ -166,11 +153,7 @@ fn not_verified(results: &Results) -> Markup {
     page::section("not-verified", &html! { "What is not verified" }, &body)
 }
 
-fn reading(results: &Results) -> Markup {
-    let caption = html! {
-        "Every ring is a check that passed or several at one place, every cross one that failed. Left of the line the error is smaller than its \
-         bound; far left means that it is much smaller, or exactly zero."
-    };
+fn reading() -> Markup {
     let terms = [
         ("value", "the error that was measured in this run; never assumed, never typed in"),
         (
@@ -197,73 +180,9 @@ fn reading(results: &Results) -> Markup {
         p {
             "This program moves particles that are joined by springs. At every step it builds a large matrix and solves \
              a linear system with it. Here it is held against mathematics: each check measures one error and compares it \
-             with the largest error that is allowed."
+             with the largest error that is allowed. What the checks catch was tried with faults planted into copies of the program."
         }
         (page::folded("Words and numbers", &html! { dl.reading { @for (term, meaning) in terms { dt { (term) } dd { (meaning) } } } }))
-        @if !results.checks.is_empty() {
-            div.single { (page::figure(bound_usage::svg(results), &caption)) }
-        }
     };
     page::section("reading", &html! { "How to read this" }, &body)
-}
-
-/// A planted fault, and the tests that fail with it.
-#[derive(Deserialize)]
-struct Fault {
-    fault: String,
-    function: String,
-    tests: usize,
-    families: usize,
-    by: Vec<(String, usize)>,
-}
-
-impl Fault {
-    /// The claim that has the most tests of it.
-    fn claim(&self) -> String {
-        let family = self.by.first().map(|(family, _)| family.split("::").next().unwrap_or_default());
-        family.unwrap_or_default().replace('_', "-")
-    }
-
-    /// Whether the tests that fail are of one family.
-    fn is_caught_by_one(&self) -> bool {
-        self.families == 1
-    }
-}
-
-/// `faults.json` is written by the program that plants the faults.
-fn recorded_faults() -> Vec<Fault> {
-    serde_json::from_str(include_str!("faults.json")).unwrap_or_default()
-}
-
-/// The planted faults that the suite catches.
-fn faults() -> Markup {
-    let faults = recorded_faults();
-    let survived = faults.iter().filter(|fault| fault.tests == 0).count();
-    let columns = [
-        ("fault", Column::Text),
-        ("in", Column::Named),
-        ("tests that fail", Column::Number),
-        ("among them", Column::Named),
-    ];
-    let row = |fault: &Fault| {
-        let families: Vec<&str> = fault.by.iter().take(3).map(|(family, _)| family.as_str()).collect();
-        let more = fault.families.saturating_sub(families.len());
-        Row::Cells(vec![
-            html! { (fault.fault) },
-            html! { code { (fault.function) } },
-            html! { (fault.tests) },
-            html! { span.names { (families.join(", ")) @if more > 0 { " and " (more) " more" } } },
-        ])
-    };
-    let table = page::table("Planted faults", "full cards faults", &columns, faults.iter().map(row));
-    let body = html! {
-        p {
-            "A suite is worth what it catches. Faults that are typical of such programs were put into copies of this one, one \
-             at a time, and the whole suite, known answers included, was run on each. "
-            @if survived == 0 { (count(faults.len(), "fault")) ", all caught." }
-            @else { (survived) " of " (count(faults.len(), "fault")) " survived." }
-        }
-        (page::folded("The faults, and which checks caught them", &table))
-    };
-    page::section("faults", &html! { "What these checks catch" }, &body)
 }

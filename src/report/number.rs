@@ -1,21 +1,20 @@
 //! Numbers for readers: three significant digits, never a NaN in disguise. Files for machines get all digits.
 
+use std::fmt::Display;
+
 /// `0.0213`, `2.13e-11`, `NaN`: for a terminal.
 pub fn plain(value: f64) -> String {
-    match shape(value) {
-        Shape::Digits(digits) => digits,
-        Shape::Power { mantissa, exponent } => format!("{mantissa}e{exponent}"),
+    match digits(value) {
+        (digits, None) => digits,
+        (mantissa, Some(exponent)) => format!("{mantissa}e{exponent}"),
     }
 }
 
 /// `0.0213`, `2.13 × 10⁻¹¹`, `NaN`: for a page or a picture, on one line.
 pub fn pretty(value: f64) -> String {
-    match shape(value) {
-        Shape::Digits(digits) => digits.replace('-', "−"),
-        Shape::Power { mantissa, exponent } => {
-            format!("{}\u{a0}×\u{a0}{}", mantissa.replace('-', "−"), power_of_ten(exponent))
-        }
-    }
+    let (digits, exponent) = digits(value);
+    let power = exponent.map(|exponent| format!("\u{a0}×\u{a0}{}", power_of_ten(exponent)));
+    digits.replace('-', "−") + &power.unwrap_or_default()
 }
 
 /// Digits up to which a number is read at a glance; of longer ones the distance is told.
@@ -92,29 +91,27 @@ pub fn typeset(sentence: &str) -> String {
 }
 
 /// `1 check`, `2 checks`.
-pub fn count(n: usize, noun: &str) -> String {
-    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
+pub fn count<N: Display + PartialEq + From<u8>>(n: N, noun: &str) -> String {
+    format!("{n} {noun}{}", if n == N::from(1) { "" } else { "s" })
+}
+
+/// Up to six significant digits: `0.35`, `1.66667`, `-1380.19`, `2.5e-7`.
+pub fn compact(value: f64) -> String {
+    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+    // Without the sign of zero.
+    let rounded = rounded + 0.0;
+    let is_plain = rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs()) || !rounded.is_finite();
+    if is_plain { rounded.to_string() } else { format!("{rounded:e}") }
 }
 
 /// `10⁻⁵`.
 pub fn power_of_ten(exponent: i32) -> String {
-    let superscript = |c: char| match c {
-        '-' => '⁻',
-        '0' => '⁰',
-        '1' => '¹',
-        '2' => '²',
-        '3' => '³',
-        c => c.to_digit(10).and_then(|d| char::from_u32(0x2070 + d)).unwrap_or(c),
-    };
+    let superscript = |c: char| c.to_digit(10).and_then(|d| "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().nth(d as usize)).unwrap_or('⁻');
     format!("10{}", exponent.to_string().chars().map(superscript).collect::<String>())
 }
 
-enum Shape {
-    Digits(String),
-    Power { mantissa: String, exponent: i32 },
-}
-
-fn shape(value: f64) -> Shape {
+/// Three significant digits, and the power of ten of very large and small numbers.
+fn digits(value: f64) -> (String, Option<i32>) {
     let size = value.abs();
     let digits = if value.is_nan() {
         "NaN".into()
@@ -128,9 +125,9 @@ fn shape(value: f64) -> Shape {
     } else {
         let text = format!("{value:.2e}");
         let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
-        return Shape::Power { mantissa: mantissa.into(), exponent: exponent.parse().unwrap_or(0) };
+        return (mantissa.into(), exponent.parse().ok());
     };
-    Shape::Digits(digits)
+    (digits, None)
 }
 
 #[cfg(test)]

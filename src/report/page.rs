@@ -5,6 +5,17 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 /// A whole page. `title` is also its first heading, `lead` the sentence below it.
 pub fn page(title: &str, lead: &str, body: &Markup) -> String {
+    let body = html! {
+        a.skip href="#content" { "Skip to the content" }
+        header { h1 { (title) } p.lead { (typeset(lead)) } }
+        main id="content" { (body) }
+        (footer())
+    };
+    document(title, include_str!("page.css"), &body)
+}
+
+/// A file of a page: its title, style and body.
+pub(super) fn document(title: &str, style: &str, body: &Markup) -> String {
     let document = html! {
         (DOCTYPE)
         html lang="en" {
@@ -14,17 +25,16 @@ pub fn page(title: &str, lead: &str, body: &Markup) -> String {
                 title { (title) }
                 // Without this, browsers ask the server for an icon.
                 link rel="icon" href="data:,";
-                style { (PreEscaped(include_str!("page.css"))) }
+                style { (PreEscaped(style)) }
             }
-            body {
-                a.skip href="#content" { "Skip to the content" }
-                header { h1 { (title) } p.lead { (typeset(lead)) } }
-                main id="content" { (body) }
-                footer { "Written by sprung " (env!("CARGO_PKG_VERSION")) ". This page is one file and loads nothing." }
-            }
+            body { (body) }
         }
     };
     document.into_string()
+}
+
+pub(super) fn footer() -> Markup {
+    html! { footer { "Written by sprung " (env!("CARGO_PKG_VERSION")) ". This page is one file and loads nothing." } }
 }
 
 /// A section that links can point to.

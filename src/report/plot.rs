@@ -7,8 +7,6 @@ use super::sheet::{
 };
 use crate::figure::{Guide, Look, Mark, Plot, Scale, Series};
 
-/// Height of a field in pixels.
-const HEIGHT: f64 = 500.0;
 /// Free space at both ends of an axis, as a part of its length.
 const MARGIN: f64 = 0.035;
 /// Width of a failure lane: half of it for the name of the cause, half for the crosses.
@@ -77,7 +75,7 @@ impl<'a> Layout<'a> {
             }
         }
         let right = LANE * lanes[1].len() as f64;
-        Self { plot, field: Field::new([&plot.x, &plot.y], [x, y], HEIGHT, right), lanes }
+        Self { plot, field: Field::new([&plot.x, &plot.y], [x, y], 500.0, right), lanes }
     }
 
     /// Width of the lanes above the field, or on its right.
@@ -217,7 +215,6 @@ impl<'a> Layout<'a> {
         }
     }
 
-    /// Draws the grounds and names of the failure lanes.
     fn draw_lanes(&self, sheet: &mut Sheet, ceiling: f64) {
         let Field { left, right, top, bottom, .. } = self.field;
         let edge = right + self.rail(1);

@@ -9,7 +9,6 @@ use std::fmt::{Arguments, Write};
 pub(super) const WIDTH: f64 = 800.0;
 /// Distance of lines of text.
 pub(super) const LINE: f64 = 34.0;
-/// Size of text.
 const TEXT: f64 = 25.0;
 
 /// A colour as CSS writes it.
@@ -18,7 +17,6 @@ pub(super) type Colour = &'static str;
 pub(super) const INK: Colour = "#1b1f24";
 /// Guides.
 pub(super) const MUTED: Colour = "#5b6670";
-/// Grid lines.
 pub(super) const GRID: Colour = "#e2e6ea";
 /// The paper under every picture.
 pub(super) const PAPER: Colour = "#ffffff";
@@ -37,7 +35,7 @@ pub(super) const CLASSES: [Colour; 8] =
 
 /// Shapes of markers, as paths around their place.
 pub(super) const SHAPES: [&str; 10] = [
-    DISC,
+    "m-6 0a6 6 0 1 0 12 0a6 6 0 1 0-12 0z",
     "m-6-6h12v12h-12z",
     "m-8 6h16l-8-15z",
     "m0-9l8 9l-8 9l-8-9z",
@@ -48,7 +46,6 @@ pub(super) const SHAPES: [&str; 10] = [
     "m-3-10h6v20h-6z",
     "m-8-8h16l-16 16h16z",
 ];
-pub(super) const DISC: &str = "m-6 0a6 6 0 1 0 12 0a6 6 0 1 0-12 0z";
 pub(super) const CROSS: &str = "m-8-8l16 16m0-16l-16 16";
 
 /// A point in pixels, from the upper left.
@@ -57,7 +54,6 @@ pub(super) type Point = [f64; 2];
 /// Draws the sample of an entry of a legend, 40 pixels wide, to the right of a point.
 pub(super) type Sample<'a> = Box<dyn Fn(&mut Sheet, Point) + 'a>;
 
-/// The sheet being drawn on.
 pub(super) struct Sheet {
     body: String,
 }
@@ -92,16 +88,17 @@ impl Sheet {
 
     /// A line through points.
     pub fn line(&mut self, points: &[Point], colour: Colour, width: f64) {
-        self.element(
-            "path",
-            format_args!(r#"d="{}" fill="none" stroke="{colour}" stroke-width="{width}""#, path(points)),
-        );
+        self.stroke(points, "", colour, width);
     }
 
     /// A dashed line.
     pub fn dashed(&mut self, points: &[Point], colour: Colour, width: f64) {
-        let dashes = r#"fill="none" stroke-dasharray="12 9""#;
-        self.element("path", format_args!(r#"d="{}" {dashes} stroke="{colour}" stroke-width="{width}""#, path(points)));
+        self.stroke(points, r#" stroke-dasharray="12 9""#, colour, width);
+    }
+
+    fn stroke(&mut self, points: &[Point], dashes: &str, colour: Colour, width: f64) {
+        let stroke = format_args!(r#"stroke="{colour}" stroke-width="{width}""#);
+        self.element("path", format_args!(r#"d="{}" fill="none"{dashes} {stroke}"#, path(points)));
     }
 
     /// A filled rectangle from its upper left corner to its lower right one.
@@ -159,7 +156,6 @@ impl Sheet {
     }
 }
 
-/// The data of a path through points.
 pub(super) fn path(points: &[Point]) -> String {
     let mut data = String::new();
     for (k, [x, y]) in points.iter().enumerate() {

@@ -4,75 +4,53 @@ mod html;
 
 pub use html::{buckling_motions, load_path_animation, load_path_plot, mechanism_motions, mode_motions};
 
+use super::list;
 use super::number::{count, pretty};
-use crate::equilibrium::{Equilibrium, Signs, Stability};
+use crate::equilibrium::{CriticalLoad, Equilibrium, LoadPath, Signs, Stability};
 use crate::mechanisms::Mechanisms;
 use crate::modes::{Mode, Modes};
-use serde::Serialize;
+use nalgebra::Vector3;
+use serde::ser::{Serialize, SerializeMap, Serializer};
 use std::fmt::Write;
 
-/// Numbers of eigenvalues by sign.
-#[derive(Debug, Clone, Copy, Serialize)]
-struct SignsRecord {
-    negative: usize,
-    zero: usize,
-    positive: usize,
-}
-
-impl From<Signs> for SignsRecord {
-    fn from(Signs { negative, zero, positive }: Signs) -> Self {
-        Self { negative, zero, positive }
-    }
-}
-
-/// An equilibrium as it is written to JSON; a number that is not finite becomes `null`.
-#[derive(Debug, Clone, Serialize)]
+/// An equilibrium as it is written to JSON, with time, positions and velocities as a `final.json` of a state at rest has them. A number that is not
+/// finite becomes `null`.
+#[derive(Debug, Clone, Copy)]
 pub struct EquilibriumRecord<'a> {
-    scene: &'a str,
-    status: &'static str,
-    residual: f64,
-    energy: f64,
-    iterations: usize,
-    inertia: SignsRecord,
-    counted: bool,
-    lowest_eigenvalue: Option<f64>,
-    falling: &'a [usize],
-    critical_loads: Vec<f64>,
-    critical_kinds: Vec<&'static str>,
-    factorizations: u64,
-    linear_buckling: Option<f64>,
-    time: f64,
-    positions: Vec<Vec<f64>>,
-    velocities: Vec<Vec<f64>>,
+    /// The name of the scene.
+    pub scene: &'a str,
+    /// Its number of axes.
+    pub dimension: usize,
+    /// The equilibrium.
+    pub found: &'a Equilibrium,
+    /// The path to it under rising load, if one was followed.
+    pub path: Option<&'a LoadPath>,
 }
 
-impl<'a> EquilibriumRecord<'a> {
-    /// Of a scene by its name, in so many dimensions, with the load factors at which its inertia changes and what happens there. Time, positions
-    /// and velocities are those of a state at rest, as a `final.json` has them.
-    pub fn new(scene: &'a str, dimension: usize, found: &'a Equilibrium, critical: &[(f64, &'static str)]) -> Self {
-        Self {
-            scene,
-            status: found.stability.name(),
-            residual: found.residual,
-            energy: found.energy,
-            iterations: found.iterations,
-            inertia: found.inertia.into(),
-            counted: found.counted,
-            lowest_eigenvalue: found.lowest.as_ref().map(|(value, _)| *value),
-            falling: &found.falling,
-            critical_loads: critical.iter().map(|(factor, _)| *factor).collect(),
-            critical_kinds: critical.iter().map(|(_, kind)| *kind).collect(),
-            factorizations: found.work.factorizations,
-            linear_buckling: None,
-            time: found.state.time,
-            positions: found.state.positions.iter().map(|x| x.as_slice()[..dimension].to_vec()).collect(),
-            velocities: vec![vec![0.0; dimension]; found.state.positions.len()],
-        }
-    }
-
-    /// With the first critical load by linear buckling.
-    pub fn with_linear_buckling(self, linear_buckling: Option<f64>) -> Self {
-        Self { linear_buckling, ..self }
+impl Serialize for EquilibriumRecord<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Self { scene, dimension, found, path } = self;
+        let critical = || path.iter().flat_map(|path| &path.critical);
+        let row = |vector: &Vector3<f64>| vector.as_slice()[..*dimension].to_vec();
+        let positions = &found.state.positions;
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("scene", scene)?;
+        map.serialize_entry("status", found.stability.name())?;
+        map.serialize_entry("residual", &found.residual)?;
+        map.serialize_entry("energy", &found.energy)?;
+        map.serialize_entry("iterations", &found.iterations)?;
+        map.serialize_entry("inertia", &found.inertia)?;
+        map.serialize_entry("counted", &found.counted)?;
+        map.serialize_entry("lowest_eigenvalue", &found.lowest.as_ref().map(|(value, _)| *value))?;
+        map.serialize_entry("falling", &found.falling)?;
+        map.serialize_entry("critical_loads", &list(critical(), |load| load.factor))?;
+        map.serialize_entry("critical_kinds", &list(critical(), |load| load.kind.name()))?;
+        map.serialize_entry("factorizations", &found.work.factorizations)?;
+        map.serialize_entry("linear_buckling", &path.and_then(|path| path.linear_buckling))?;
+        map.serialize_entry("time", &found.state.time)?;
+        map.serialize_entry("positions", &list(positions, row))?;
+        map.serialize_entry("velocities", &list(positions, |_| vec![0.0; *dimension]))?;
+        map.end()
     }
 }
 
@@ -95,7 +73,7 @@ pub fn verdict(found: &Equilibrium) -> String {
 }
 
 /// An equilibrium in words.
-pub fn equilibrium_text(scene: &str, found: &Equilibrium, critical: &[(f64, &'static str)]) -> String {
+pub fn equilibrium_text(scene: &str, found: &Equilibrium, path: Option<&LoadPath>) -> String {
     let verdict = verdict(found);
     let mut text = format!("{scene}: {verdict}\n");
     let _ = writeln!(text, "  largest force left    {} of the largest that acts", pretty(found.residual));
@@ -113,8 +91,11 @@ pub fn equilibrium_text(scene: &str, found: &Equilibrium, critical: &[(f64, &'st
             count(found.work.cg_iterations as usize, "iteration") + " of conjugate gradients"
         }
     );
-    for (factor, kind) in critical {
-        let _ = writeln!(text, "  critical load         {factor:.9} of the full load: {kind}");
+    for CriticalLoad { factor, kind, .. } in path.iter().flat_map(|path| &path.critical) {
+        let _ = writeln!(text, "  critical load         {factor:.9} of the full load: {}", kind.name());
+    }
+    if let Some(factor) = path.and_then(|path| path.linear_buckling) {
+        let _ = writeln!(text, "  linear buckling       {factor:.6} of the full load: an estimate");
     }
     text
 }
@@ -137,50 +118,38 @@ pub fn ranges(numbers: &[usize]) -> String {
 }
 
 /// Normal modes as they are written to JSON; a number that is not finite becomes `null`.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Copy)]
 pub struct ModesRecord<'a> {
-    scene: &'a str,
-    at: &'a str,
-    zero_modes: usize,
-    rigid_motions: usize,
-    parts: &'a [Vec<usize>],
-    hanging: &'a [Vec<usize>],
-    eigenvalues: Vec<f64>,
-    frequencies: Vec<Option<f64>>,
-    damping_ratios: Vec<Option<f64>>,
-    effective_masses: Vec<[f64; 3]>,
-    residuals: Vec<f64>,
-    error_bounds: Vec<f64>,
-    gap: [f64; 2],
-    imbalance: f64,
-    complete: bool,
-    proven: bool,
-    counted_below: f64,
+    /// The name of the scene.
+    pub scene: &'a str,
+    /// The state in words.
+    pub at: &'a str,
+    /// The modes.
+    pub found: &'a Modes,
 }
 
-impl<'a> ModesRecord<'a> {
-    /// Of a scene by its name, at a state in words.
-    pub fn new(scene: &'a str, at: &'a str, found: &'a Modes) -> Self {
-        let modes = || found.modes.iter();
-        Self {
-            scene,
-            at,
-            zero_modes: found.zero_modes.len(),
-            rigid_motions: found.rigid_motions,
-            parts: &found.parts,
-            hanging: &found.hanging,
-            eigenvalues: modes().map(|mode| mode.eigenvalue).collect(),
-            frequencies: modes().map(Mode::frequency).collect(),
-            damping_ratios: modes().map(|mode| mode.damping_ratio).collect(),
-            effective_masses: modes().map(|mode| mode.effective_mass).collect(),
-            residuals: modes().map(|mode| mode.residual).collect(),
-            error_bounds: modes().map(|mode| mode.error_bound).collect(),
-            gap: found.gap,
-            imbalance: found.imbalance,
-            complete: found.complete,
-            proven: found.proven,
-            counted_below: found.counted_below,
-        }
+impl Serialize for ModesRecord<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Self { scene, at, found } = self;
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("scene", scene)?;
+        map.serialize_entry("at", at)?;
+        map.serialize_entry("zero_modes", &found.zero_modes.len())?;
+        map.serialize_entry("rigid_motions", &found.rigid_motions)?;
+        map.serialize_entry("parts", &found.parts)?;
+        map.serialize_entry("hanging", &found.hanging)?;
+        map.serialize_entry("eigenvalues", &list(&found.modes, |mode| mode.eigenvalue))?;
+        map.serialize_entry("frequencies", &list(&found.modes, Mode::frequency))?;
+        map.serialize_entry("damping_ratios", &list(&found.modes, |mode| mode.damping_ratio))?;
+        map.serialize_entry("effective_masses", &list(&found.modes, |mode| mode.effective_mass))?;
+        map.serialize_entry("residuals", &list(&found.modes, |mode| mode.residual))?;
+        map.serialize_entry("error_bounds", &list(&found.modes, |mode| mode.error_bound))?;
+        map.serialize_entry("gap", &found.gap)?;
+        map.serialize_entry("imbalance", &found.imbalance)?;
+        map.serialize_entry("complete", &found.complete)?;
+        map.serialize_entry("proven", &found.proven)?;
+        map.serialize_entry("counted_below", &found.counted_below)?;
+        map.end()
     }
 }
 
@@ -189,7 +158,6 @@ const BALANCED: f64 = 1e-6;
 
 /// The parts that move as a whole, and those that hang by one spring, in words.
 fn parts_remarks(found: &Modes) -> Vec<String> {
-    /// Parts named at most.
     const NAMED: usize = 20;
     let name = |part: &Vec<usize>| if part.len() == 1 { "particle" } else { "particles" };
     let mut remarks = Vec::new();
@@ -270,52 +238,16 @@ pub fn modes_text(scene: &str, at: &str, dimension: usize, found: &Modes) -> Str
     text
 }
 
-/// Mechanisms as they are written to JSON; a number that is not finite becomes `null`.
-#[derive(Debug, Clone, Serialize)]
+/// Mechanisms as they are written to JSON: numbers and particles, without the motions. A number that is not finite becomes `null`.
+#[derive(Debug, Clone, Copy, serde::Serialize)]
 pub struct MechanismsRecord<'a> {
-    scene: &'a str,
-    degrees_of_freedom: usize,
-    springs: usize,
-    rank: usize,
-    mechanisms: usize,
-    rigid_motions: usize,
-    self_stresses: usize,
-    gap: [f64; 2],
-    decided: bool,
-    proven: bool,
-    proven_gap: [f64; 2],
-    rank_is_exact: bool,
-    prestress_stable: Option<bool>,
-    movers: &'a [Vec<usize>],
-    added_springs: &'a [[usize; 2]],
+    /// The name of the scene.
+    pub scene: &'a str,
+    /// The mechanisms.
+    #[serde(flatten)]
+    pub found: &'a Mechanisms,
 }
 
-impl<'a> MechanismsRecord<'a> {
-    /// Of a scene by its name.
-    pub fn new(scene: &'a str, found: &'a Mechanisms) -> Self {
-        let &Mechanisms { degrees_of_freedom, springs, rank, mechanisms, rigid_motions, self_stresses, gap, .. } =
-            found;
-        Self {
-            scene,
-            degrees_of_freedom,
-            springs,
-            rank,
-            mechanisms,
-            rigid_motions,
-            self_stresses,
-            gap,
-            decided: found.decided,
-            proven: found.proven,
-            proven_gap: found.proven_gap,
-            rank_is_exact: found.rank_is_exact,
-            prestress_stable: found.prestress_stable,
-            movers: &found.movers,
-            added_springs: &found.added_springs,
-        }
-    }
-}
-
-/// The number of states of self-stress in words.
 fn self_stresses(found: &Mechanisms) -> String {
     let states = if found.self_stresses == 1 { "state" } else { "states" };
     format!("{} {states} of self-stress", found.self_stresses)

@@ -33,11 +33,6 @@ impl Scene {
         self.build_with_notes().map(|built| (built.system, built.state))
     }
 
-    /// As [`build`](Self::build), with the triangles of the mesh for display.
-    pub fn build_with_triangles(&self) -> Result<(System, State, Vec<[u32; 3]>)> {
-        self.build_with_notes().map(|Built { system, state, triangles, .. }| (system, state, triangles))
-    }
-
     /// As [`build`](Self::build), with the triangles of the mesh and notes on it.
     pub fn build_with_notes(&self) -> Result<Built> {
         let built = self.parts().and_then(|(builder, triangles, notes)| {
@@ -140,7 +135,6 @@ impl Scene {
         Err(Invalid::new("mesh.file", format!("{:?}", mesh.file), rule))
     }
 
-    /// Tension-only springs, and rest lengths that change in time.
     fn behaviour(&self, springs: usize) -> Result<Behaviour, Invalid> {
         let tension_only = match &self.springs.tension_only {
             None => Vec::new(),
@@ -157,7 +151,6 @@ impl Scene {
         Ok(Behaviour { tension_only, actuation: actuation.collect() })
     }
 
-    /// Constant loads, drag, and gravity in time.
     fn loads(&self, builder: &SystemBuilder) -> Result<Loads, Invalid> {
         let (count, dimension) = (builder.positions.len(), builder.dimension);
         let mut forces = vec![Vector3::zeros(); if self.forces.is_empty() { 0 } else { count }];
@@ -255,7 +248,6 @@ fn vector(key: &str, index: Option<usize>, row: &Row, dimension: usize) -> Resul
     Err(Invalid { index, ..Invalid::new(key, format!("{row:?}"), rule) })
 }
 
-/// A quantity of every particle or spring.
 struct Quantity {
     key: &'static str,
     count: usize,
@@ -343,20 +335,5 @@ mod tests {
             let spring = builder.springs[0];
             assert_eq!((builder.masses[1], spring.stiffness, spring.rest_length), (2.0, 3.0, 1.0));
         }
-    }
-
-    #[test]
-    fn parameters_are_required_where_there_are_items() {
-        let empty = Scene::default().builder().unwrap();
-        assert!(empty.positions.is_empty() && empty.springs.is_empty());
-        let without = |change: &dyn Fn(&mut Scene)| {
-            let mut scene = scene(3, 2);
-            change(&mut scene);
-            scene.builder().unwrap_err().to_string()
-        };
-        let message = without(&|scene| scene.particles.masses = None);
-        assert!(message.contains("particles.masses") && message.contains("each of the 3 particles"), "{message}");
-        let message = without(&|scene| scene.springs.stiffness = None);
-        assert!(message.contains("springs.stiffness") && message.contains("each of the 2 springs"), "{message}");
     }
 }

@@ -360,16 +360,6 @@ pub fn refined(kind: Kind, size: usize) -> Result<Scene> {
 mod tests {
     use super::*;
 
-    /// At 9.81 m/s²; the taut string alone has no weight.
-    #[test]
-    fn hanging_scenes_have_weight() {
-        for kind in Kind::ALL {
-            let (system, _) = builtin(kind, kind.default_size()).unwrap().build().unwrap();
-            let expected = if kind == Kind::String { 0.0 } else { -9.81 };
-            assert_eq!(system.gravity().as_slice(), [0.0, expected, 0.0], "{}", kind.name());
-        }
-    }
-
     /// The held ends are at rest to the last bit, and the middle is the fastest.
     #[test]
     fn the_ends_of_a_string_are_at_rest() {

@@ -56,7 +56,6 @@ impl MeshGeometry {
         raw.finish(path)
     }
 
-    /// Positions and pairs of a scene without a mesh.
     pub(super) fn of_lists(vertices: Vec<Vector3<f64>>, edges: Vec<[u32; 2]>) -> Self {
         Self { vertices, edges, ..Self::default() }
     }
@@ -174,7 +173,6 @@ impl Sets {
     }
 }
 
-/// Reads a mesh in the format of its bytes.
 fn read(bytes: &[u8]) -> Result<Raw, Fault> {
     let text = bytes.trim_ascii_start();
     let starts = |word: &str| text.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word.as_bytes()));
@@ -222,7 +220,6 @@ impl Raw {
         self.vertices.push(x.into());
     }
 
-    /// Adds vertices from a list of coordinates.
     fn add_vertices(&mut self, coordinates: &[f64]) {
         coordinates.as_chunks().0.iter().for_each(|&x| self.add_vertex(x));
     }
@@ -247,7 +244,6 @@ impl Raw {
         self.triangles.extend(rest.windows(2).map(|side| [*first, side[0], side[1]]));
     }
 
-    /// Adds the triangles of a strip.
     fn add_strip(&mut self, corners: &[u32], place: u32) {
         corners.windows(3).for_each(|corners| self.add_face(corners, place));
     }

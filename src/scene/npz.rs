@@ -1,25 +1,8 @@
 //! Scenes as NumPy arrays: large lists as the bytes they are, read at the speed of the disk.
 //!
-//! An `.npz` file is a zip of `.npy` arrays, as `numpy.savez` writes them. An array has the name of its key, with a dot between table
-//! and key; everything small is JSON text with the same keys as a [scene file](super::Scene), in an array `scene`:
-//!
-//! ```python
-//! numpy.savez(
-//!     "net.npz",
-//!     scene=json.dumps({"gravity": [0, -9.81], "constraints": [{"particles": [0]}], "time": {"duration": 1.0}}),
-//!     **{"particles.positions": x, "particles.masses": m, "springs.pairs": pairs, "springs.stiffness": 100.0},
-//! )
-//! ```
-//!
-//! | array | shape | type |
-//! |---|---|---|
-//! | `particles.positions`, `particles.velocities` | (N, d) | any real one |
-//! | `particles.masses` | (N) or () | any real one |
-//! | `springs.pairs` | (S, 2) | any of whole numbers |
-//! | `springs.stiffness`, `springs.rest_lengths`, `springs.damping` | (S) or () | any real one |
-//! | `scene` | () | text, JSON |
-//!
-//! A key that is in the text too, or an array of another name, is rejected. Arrays may be in C or Fortran order.
+//! An `.npz` file is a zip of `.npy` arrays, as `numpy.savez` writes them. An array has the name of its key, with a dot between table and key, any real type, or
+//! for pairs any of whole numbers, and C or Fortran order; everything small is JSON text with the same keys as a [scene file](super::Scene), in an array
+//! `scene`. A key that is in the text too, or an array of another name, is rejected. The guide has an example (`large-scenes.md`).
 
 use super::{Particles, Row, Scene, Springs, Values};
 use crate::error::{Error, Result};
@@ -32,7 +15,6 @@ use std::path::Path;
 use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
-/// The array of everything small.
 const TEXT: &str = "scene";
 
 /// The arrays of rows and pairs, then those of one number for all or one for each.
@@ -77,7 +59,6 @@ pub(super) fn read(file: impl Read + Seek, name: &Path, parse: fn(&str) -> Resul
 }
 
 impl Scene {
-    /// Stores an array under its key.
     fn fill<R: Read>(&mut self, name: &str, array: Array<R>) -> Result<(), String> {
         let absent = |is_absent: bool| match is_absent {
             true => Ok(()),
@@ -210,7 +191,6 @@ impl<R: Read> Array<R> {
         format!("has the shape ({}), {expected}", lengths.join(", "))
     }
 
-    /// The numbers in the file's order.
     fn numbers(self) -> Result<Vec<f64>, String> {
         let (kind, npy) = (self.kind(), self.0);
         match kind {
@@ -319,7 +299,6 @@ impl<W: Write> NpzWriter<W> {
         self.0.start_file(format!("{name}.npy"), options).map_err(io::Error::from)
     }
 
-    /// Adds an array of these values.
     pub(crate) fn put<T: npyz::AutoSerialize>(
         &mut self,
         name: &str,

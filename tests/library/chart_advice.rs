@@ -31,7 +31,7 @@ const FLOOR: f64 = 3e-6;
 fn table(runs: Vec<Run>) -> WorkPrecision {
     let state = sprung::State { time: 1.0, positions: Vec::new(), velocities: Vec::new() };
     let reference = Reference { method: "made up".into(), error_estimate: FLOOR / 3.0, state };
-    WorkPrecision { scene: "s".into(), duration: 1.0, reference, runs, tolerances: Vec::new(), excluded: Vec::new() }
+    WorkPrecision { scene: "s".into(), duration: 1.0, reference, runs, excluded: Vec::new() }
 }
 
 /// Configurations of up to seven runs whose errors fall more or less, or fail.

@@ -10,7 +10,7 @@ use sprung::inspect::{
 };
 use sprung::integrate::StepMatrices;
 use sprung::linear::Ldlt;
-use sprung::report::inspection::{InspectionRecord, text};
+use sprung::report::inspection::InspectionReport;
 use sprung::work::Work;
 use sprung::{Spring, State, Stiffness, System, SystemBuilder};
 
@@ -117,13 +117,14 @@ fn what_is_left_out_is_said() {
     );
     // Nothing has to be computed for these.
     assert_eq!([tension.critical, axial.critical], [LargestStep::Every; 2]);
-    let told = text("k", 0, 0.0, &inspection, None);
+    let report = InspectionReport { scene: "k", step: 0, time: 0.0, inspection: &inspection, losses: None };
+    let told = report.text();
     for part in ["A is not looked at", "left out", "the signs of eigenvalues under axial", "--all", "not looked at"] {
         assert!(told.contains(part), "{part:?} is not in {told}");
     }
     assert!(!told.contains("NaN") && !told.contains("singular"), "{told}");
     assert_eq!(told.matches("every step").count(), 3, "{told}");
-    let json = serde_json::to_value(InspectionRecord::new("k", 0, 0.0, &inspection)).expect("JSON");
+    let json = serde_json::to_value(report).expect("JSON");
     assert_eq!(json["left_out"].as_array().map(Vec::len), Some(inspection.skipped.len()));
     assert!(json["left_out"].as_array().is_some_and(|all| all.iter().all(|part| part["why"] == "too much work")));
     let whole = Inspection::at(&system, &state, 0.1, Stiffness::Full, Par::Seq).expect("a small system");

@@ -3,6 +3,7 @@
 use crate::sample::{HOSTILE, chain, mixed, passing};
 use serde_json::Value;
 use sprung::figure::{Axis, Drawing, Guide, Plot, Series};
+use sprung::output::write_report;
 use sprung::report;
 use sprung::verify::{Check, Claim, Entry, Results};
 
@@ -199,7 +200,7 @@ fn large_scenes_are_thinned_and_say_so() {
     assert!(svg.len() < 400_000, "{} bytes", svg.len());
 }
 
-/// Marks on marks show nothing, and rows are short: the page of a large suite can be sent and opened.
+/// Rows are short: the page of a large suite can be sent and opened.
 #[test]
 fn thousands_of_checks_make_a_page_below_two_megabytes() {
     let check = |i: usize| {
@@ -213,7 +214,6 @@ fn thousands_of_checks_make_a_page_below_two_megabytes() {
     let results: Results = (0..6000).map(check).collect();
     let page = report::html(&results);
     assert!(page.len() < 2_000_000, "{} bytes", page.len());
-    assert!(page.contains("All 6000 lie within their bounds; the nearest uses"), "the overview says what it shows");
 }
 
 #[test]
@@ -221,15 +221,15 @@ fn reports_are_written_whole_and_the_same_each_time() {
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("report");
     let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
     let names = ["report.html", "report.json", "junit.xml"];
-    report::write(&folder, &mixed()).unwrap();
+    write_report(&folder, &mixed()).unwrap();
     let first = names.map(read);
-    report::write(&folder, &mixed()).unwrap();
+    write_report(&folder, &mixed()).unwrap();
     assert_eq!(first, names.map(read));
     let left = std::fs::read_dir(&folder).unwrap().count();
     assert_eq!(left, names.len(), "a temporary file stayed behind");
 
     let passed = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("report-passed");
-    report::write(passed, &passing()).unwrap();
-    let error = report::write(folder.join("report.html"), &passing()).unwrap_err();
+    write_report(passed, &passing()).unwrap();
+    let error = write_report(folder.join("report.html"), &passing()).unwrap_err();
     assert!(error.to_string().contains("report.html"), "{error}");
 }

@@ -25,17 +25,11 @@ use super::limits::{Limit, Prediction};
 use crate::accuracy::Configuration;
 use crate::error::Result;
 use crate::force::Energy;
+use crate::inspect::{MOST_BRAKED, MOST_STRETCHED};
 use crate::integrate::{Method, StiffnessPolicy};
 use crate::spring::{Spring, Stiffness};
 use crate::system::{State, System, SystemBuilder};
 
-/// The part of the angular momentum that may be lost in a turn by one radian: as for the limit that an inspection names.
-const BRAKED: f64 = crate::inspect::MOST_BRAKED;
-
-/// The stretch beyond the exact motion's largest that counts.
-const STRETCHED: f64 = crate::inspect::MOST_STRETCHED;
-
-/// The model; rest length, mass and ω are 1.
 fn model(angle: f64, z: f64) -> Result<(System, State)> {
     let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
     let centre = builder.particle([0.0; 3], 1.0);
@@ -49,7 +43,6 @@ fn model(angle: f64, z: f64) -> Result<(System, State)> {
     Ok((system, state))
 }
 
-/// The largest stretch of the exact motion.
 fn largest_stretch(angle: f64, z: f64) -> f64 {
     let ratio = (angle / z) * (angle / z);
     let pull = |stretch: f64| ratio * (stretch + 1.0) / (stretch * stretch) - (stretch - 1.0);
@@ -69,7 +62,7 @@ pub(super) fn experiment(configuration: &Configuration, z: f64, angle: f64) -> R
     let arm = |state: &State| state.positions.get(1).copied().unwrap_or_default();
     let momentum = |state: &State| arm(state).cross(&state.velocities.get(1).copied().unwrap_or_default()).z;
     let (before, initial) = (momentum(&state), Energy::of(&system, &state).total());
-    let limit = (1.0 + STRETCHED) * largest_stretch(angle, z);
+    let limit = (1.0 + MOST_STRETCHED) * largest_stretch(angle, z);
     let mut stretched = false;
     for _ in 0..(1.0 / angle).ceil() as usize {
         let from = arm(&state);
@@ -89,7 +82,7 @@ pub(super) fn experiment(configuration: &Configuration, z: f64, angle: f64) -> R
         }
         stretched |= arm(&state).norm() > limit;
     }
-    Ok(match momentum(&state) < (1.0 - BRAKED) * before {
+    Ok(match momentum(&state) < (1.0 - MOST_BRAKED) * before {
         true => TileVerdict::Braked,
         false if stretched => TileVerdict::Stretched,
         false => TileVerdict::Stable,
@@ -109,12 +102,12 @@ fn goes_straight(method: Method, policy: StiffnessPolicy) -> bool {
 /// The limits in closed form at a turning angle per step; none where there is none.
 pub(super) fn limits(method: Method, policy: StiffnessPolicy, angle: f64) -> Vec<Limit> {
     let mut limits = Vec::new();
-    let squared = 2.0 * (-(-BRAKED).ln_1p() / angle - 1.0);
+    let squared = 2.0 * (-(-MOST_BRAKED).ln_1p() / angle - 1.0);
     if is_braked(method, policy) && squared > 0.0 {
         limits.push(Limit { formula: "θ(1 + z²/2) = 0.105", z: squared.sqrt() });
     }
     // For large z the exact motion stretches the spring by 2θ²/z² at most.
-    let excess = angle.hypot(1.0) / (1.0 + STRETCHED) - 1.0;
+    let excess = angle.hypot(1.0) / (1.0 + MOST_STRETCHED) - 1.0;
     if goes_straight(method, policy) && excess > 0.0 {
         limits.push(Limit { formula: "√(1 + θ²) = 1.01 (1 + 2θ²/z²)", z: angle * (2.0 / excess).sqrt() });
     }
@@ -140,13 +133,6 @@ pub(super) fn prediction(method: Method, policy: StiffnessPolicy, z: f64, angle:
 mod tests {
     use super::*;
     use crate::integrate::ImplicitOptions;
-
-    #[test]
-    fn the_particle_circles_in_the_plane() {
-        let (system, state) = model(0.02, 4.0).unwrap();
-        assert_eq!((system.dimension(), system.dofs().len()), (2, 2));
-        assert_eq!((state.velocities[1].x, state.velocities[1].y), (0.0, 0.005));
-    }
 
     #[test]
     fn the_limit_is_where_runs_are_braked() {
@@ -188,7 +174,7 @@ mod tests {
         let axial = [0.1, 1.3, 1.4].map(|factor| of(Stiffness::Axial, factor * axial, 0.2, 1.0));
         assert_eq!(axial, [Silent, Silent, Unstable]);
         // A turn of −ln 0.9 is braked by damping alone, at any step.
-        let most = -(-BRAKED).ln_1p();
+        let most = -(-MOST_BRAKED).ln_1p();
         assert!(limits(Method::LinearBackwardEuler, Stiffness::Full.into(), most).is_empty());
         assert_eq!(of(Stiffness::Full, 10.0, most, 1.0), Silent);
     }

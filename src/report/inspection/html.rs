@@ -1,6 +1,8 @@
 //! An inspection as a page with pictures.
 
-use super::{KEPT, estimated, known, left_out, limit, lost, other_methods, scope, smallness, turning};
+use super::{
+    InspectionReport, KEPT, estimated, known, left_out, limit, listed, lost, other_methods, scope, smallness, turning,
+};
 use crate::inspect::{Culprit, FirstLosses, InertiaMethod, Inspection, LargestStep, OptionInspection, Part, Pictures};
 use crate::report::number::{count, pretty, typeset};
 use crate::report::page::{self, Column, Row};
@@ -22,29 +24,24 @@ pub fn pictures(pictures: &Pictures) -> Vec<(&'static str, String)> {
     files
 }
 
-/// The whole inspection as one HTML page without scripts and without anything to load.
-pub fn html(
-    scene: &str,
-    step: u64,
-    time: f64,
-    inspection: &Inspection,
-    losses: Option<&FirstLosses>,
-    pictures: &Pictures,
-) -> String {
-    let when =
-        if step == 0 { "at the initial state".into() } else { format!("after {} steps, t = {} s", step, pretty(time)) };
-    let lead = format!(
-        "A = M/dt² − G/dt − K {when}, with dt = {} s and stiffness {}.",
-        pretty(inspection.dt),
-        inspection.option.name()
-    );
-    let body = html! {
-        (banner(inspection))
-        (page::section("steps", &html! { "Which steps are safe" }, &steps(inspection, losses, pictures)))
-        (page::section("culprits", &html! { (heading(inspection)) }, &culprits(inspection, pictures)))
-        (page::section("matrix", &html! { "The matrix" }, &matrix(inspection, pictures)))
-    };
-    page::page(&format!("Definiteness of {scene}"), &lead, &body)
+impl InspectionReport<'_> {
+    /// One HTML page without scripts and without anything to load.
+    pub fn html(&self, pictures: &Pictures) -> String {
+        let &Self { scene, step, time, inspection, losses } = self;
+        let when = match step {
+            0 => "at the initial state".into(),
+            _ => format!("after {step} steps, t = {} s", pretty(time)),
+        };
+        let (dt, stiffness) = (pretty(inspection.dt), inspection.option.name());
+        let lead = format!("A = M/dt² − G/dt − K {when}, with dt = {dt} s and stiffness {stiffness}.");
+        let body = html! {
+            (banner(inspection))
+            (page::section("steps", &html! { "Which steps are safe" }, &steps(inspection, losses, pictures)))
+            (page::section("culprits", &html! { (heading(inspection)) }, &culprits(inspection, pictures)))
+            (page::section("matrix", &html! { "The matrix" }, &matrix(inspection, pictures)))
+        };
+        page::page(&format!("Definiteness of {scene}"), &lead, &body)
+    }
 }
 
 fn banner(inspection: &Inspection) -> Markup {
@@ -61,30 +58,29 @@ fn banner(inspection: &Inspection) -> Markup {
         known(inspection.examined().smallest, pretty),
         known(inspection.examined().largest, pretty)
     ));
-    html! {
-        @if inertia.negative + inertia.zero + inertia.positive == 0 {
-            div.banner { strong { "No coordinate is free" } p { "A has no rows, and there is nothing to inspect." } }
-        } @else if inspection.lacks(Part::Signs(inspection.option)) {
-            @match &inspection.first {
-                Some(first) if !first.definite => div.banner.failed {
-                    strong { "✗ A is indefinite" }
-                    p { (typeset("A direction of negative curvature proves it; the signs of the eigenvalues were not counted.")) }
-                },
-                Some(_) => div.banner {
-                    strong { "A is positive definite as far as is seen" }
-                    p { "No direction of negative curvature was found, which is no proof." }
-                },
-                None => div.banner { strong { "Interrupted" } p { "Nothing is known of A." } },
+    let (class, title, text) = if inertia.negative + inertia.zero + inertia.positive == 0 {
+        ("banner", "No coordinate is free", "A has no rows, and there is nothing to inspect.".into())
+    } else if inspection.lacks(Part::Signs(inspection.option)) {
+        match &inspection.first {
+            Some(first) if !first.definite => {
+                let proof =
+                    "A direction of negative curvature proves it; the signs of the eigenvalues were not counted.";
+                ("banner failed", "✗ A is indefinite", proof.into())
             }
-        } @else if inertia.is_definite() {
-            div.banner.passed { strong { "✓ A is positive definite" } p { (counts) } }
-        } @else {
-            div.banner.failed {
-                strong { @if inertia.negative > 0 { "✗ A is indefinite" } @else { "✗ A is singular to working precision" } }
-                p { (counts) }
+            Some(_) => {
+                let doubt = "No direction of negative curvature was found, which is no proof.";
+                ("banner", "A is positive definite as far as is seen", doubt.into())
             }
+            None => ("banner", "Interrupted", "Nothing is known of A.".into()),
         }
-    }
+    } else {
+        match (inertia.is_definite(), inertia.negative) {
+            (true, _) => ("banner passed", "✓ A is positive definite", counts),
+            (false, 0) => ("banner failed", "✗ A is singular to working precision", counts),
+            (false, _) => ("banner failed", "✗ A is indefinite", counts),
+        }
+    };
+    html! { div class=(class) { strong { (title) } p { (text) } } }
 }
 
 fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictures) -> Markup {
@@ -162,7 +158,6 @@ fn heading(inspection: &Inspection) -> &'static str {
     }
 }
 
-/// The caption of the scene's picture.
 fn arrows(inspection: &Inspection) -> String {
     let what = "the direction in which A curves least, to a scale of their own";
     match inspection.fold() {
@@ -175,7 +170,6 @@ fn arrows(inspection: &Inspection) -> String {
     }
 }
 
-/// The first losses of the run that led to the state.
 fn followed(losses: &FirstLosses) -> Markup {
     let lost = lost(losses, pretty);
     html! {
@@ -196,10 +190,6 @@ fn culprits(inspection: &Inspection, pictures: &Pictures) -> Markup {
         1 => "1 spring is".into(),
         several => format!("{several} springs are"),
     };
-    let list = |springs: &[usize]| {
-        let shown: Vec<String> = springs.iter().take(ROWS).map(usize::to_string).collect();
-        format!("{}{}", shown.join(", "), if springs.len() > ROWS { " …" } else { "" })
-    };
     html! {
         p {
             @match lowest {
@@ -213,14 +203,14 @@ fn culprits(inspection: &Inspection, pictures: &Pictures) -> Markup {
         @if let Some(set) = &inspection.smallest_set {
             p {
                 "To make A definite, the transverse terms of " (count(set.springs.len(), "spring")) " " (smallness(set))
-                "; option " code { "tension" } " drops " (set.tension) ": " (list(&set.springs)) "."
+                "; option " code { "tension" } " drops " (set.tension) ": " (listed(&set.springs, ROWS)) "."
             }
         }
         @if inspection.clusters.len() > 1 {
             p { "Culprits that hang together, the worst group first:" }
             ul { @for cluster in inspection.clusters.iter().take(ROWS) {
                 li {
-                    (count(cluster.springs.len(), "spring")) " on " (count(cluster.particles.len(), "particle")) ", strain down to " (pretty(cluster.strain)) ": springs " (list(&cluster.springs))
+                    (count(cluster.springs.len(), "spring")) " on " (count(cluster.particles.len(), "particle")) ", strain down to " (pretty(cluster.strain)) ": springs " (listed(&cluster.springs, ROWS))
                 }
             } }
         }

@@ -4,14 +4,28 @@ mod html;
 mod json;
 mod text;
 
-pub use html::{html, pictures};
-pub use json::InspectionRecord;
-pub use text::{first_answer, text};
+pub use html::pictures;
+pub use text::first_answer;
 
 use super::number::{count, plain};
 use crate::inspect::{Culprit, DropSet, FirstLosses, Inspection, LargestStep, Minimality, Part, SkipReason, Turn};
 use crate::integrate::Method;
 use crate::spring::Stiffness;
+
+/// An inspection of a scene's state, to be written as JSON, as text or as a page.
+#[derive(Debug, Clone, Copy)]
+pub struct InspectionReport<'a> {
+    /// The name of the scene.
+    pub scene: &'a str,
+    /// Steps before the state.
+    pub step: u64,
+    /// Its time, in s.
+    pub time: f64,
+    /// The inspection.
+    pub inspection: &'a Inspection,
+    /// The losses of the run that led to the state.
+    pub losses: Option<&'a FirstLosses>,
+}
 
 /// Writes a number for a terminal or for a page.
 type Form = fn(f64) -> String;
@@ -51,7 +65,6 @@ fn estimated(inspection: &Inspection, form: Form) -> Option<String> {
     (!parts.is_empty()).then_some(what)
 }
 
-/// A part of an inspection by name.
 fn part(part: Part) -> String {
     let under = |what: &str, option: Stiffness| format!("{what} under {}", option.name());
     match part {
@@ -68,12 +81,17 @@ fn part(part: Part) -> String {
     }
 }
 
-/// A number that may not be known.
+/// The first numbers of a list, and how many more there are.
+fn listed(numbers: &[usize], most: usize) -> String {
+    let shown: Vec<String> = numbers.iter().take(most).map(usize::to_string).collect();
+    let rest = if numbers.len() > most { format!(" and {} more", numbers.len() - most) } else { String::new() };
+    shown.join(", ") + &rest
+}
+
 fn known(value: f64, form: Form) -> String {
     if value.is_nan() { "?".into() } else { form(value) }
 }
 
-/// A limit of the step.
 fn limit(step: LargestStep, form: Form) -> String {
     match step {
         LargestStep::Every => "every step".into(),
@@ -82,7 +100,6 @@ fn limit(step: LargestStep, form: Form) -> String {
     }
 }
 
-/// For what the limits hold.
 fn scope() -> String {
     format!("at this state, linearised, for {}", Method::LinearBackwardEuler.name())
 }

@@ -1,128 +1,150 @@
 //! An inspection for the terminal.
 
-use super::{KEPT, UNKNOWN, estimated, known, left_out, limit, lost, other_methods, scope, smallness, turning};
-use crate::inspect::{Culprit, Direction, FirstLosses, Inspection, Part};
+use super::{
+    InspectionReport, KEPT, UNKNOWN, estimated, known, left_out, limit, listed, lost, other_methods, scope, smallness,
+    turning,
+};
+use crate::inspect::{Culprit, Direction, Inspection, Part};
 use crate::report::number::{count, plain};
 
 /// Culprits, directions, clusters and springs of a set that are listed.
 const LISTED: usize = 6;
 
-/// Everything that matters about an inspection, a screen long; `losses` are those of the run that led to the state.
-pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: Option<&FirstLosses>) -> String {
-    let Inspection { dt, option, .. } = inspection;
-    let examined = inspection.examined();
-    let inertia = &examined.inertia;
-    let verdict = match (inertia.negative, inertia.zero) {
-        _ if inspection.lacks(Part::Signs(*option)) => match &inspection.first {
-            Some(first) if !first.definite => "INDEFINITE",
-            Some(_) => "positive definite as far as is seen",
-            None => UNKNOWN,
-        },
-        (0, 0) => "positive definite",
-        (0, _) => "singular to working precision",
-        _ => "INDEFINITE",
-    };
-    let at = if step > 0 {
-        format!(" after {}, t = {} s", count(step as usize, "step"), plain(time))
-    } else {
-        " at this state".into()
-    };
-    if inertia.negative + inertia.zero + inertia.positive == 0 {
-        return format!("{scene}{at}: no coordinate is free, so A has no rows, and there is nothing to inspect");
-    }
-    let mut lines = vec![format!("{scene}{at}: A is {verdict} (stiffness {}, dt = {dt:?} s)", option.name())];
-    let is_counted = !inspection.lacks(Part::Signs(*option));
-    let signs = match is_counted {
-        false => "signs not counted".to_owned(),
-        true => {
-            let certainty = if inertia.proven { "proven" } else { "to rounding" };
-            format!("{} negative, {} zero, {} positive ({certainty})", inertia.negative, inertia.zero, inertia.positive)
-        }
-    };
-    lines.push(format!(
-        "  eigenvalues  {signs}; from {} to {} N/m, condition {}",
-        known(examined.smallest, plain),
-        known(examined.largest, plain),
-        known(examined.condition, plain),
-    ));
-    if is_counted && inertia.negative == 0 && inertia.zero > 0 {
-        lines.push("  singular     sprung mechanisms names the motions that stretch no spring".into());
-    }
-    lines.push(format!("  limits       {}; a run leaves it, --steps N follows one", scope()));
-    lines.push(format!(
-        "  {:<12} {:<20} {:<20} {:<16} {}",
-        "stiffness", "definite up to", "stable up to", "turning up to", "λ_min at this dt"
-    ));
-    for each in &inspection.options {
-        let (name, smallest) = (each.option.name(), known(each.smallest, plain));
-        // With the digits that a script may want.
-        let [critical, stable] = [each.critical, each.stable].map(|step| limit(step, |dt| format!("{dt:.9e}")));
-        let turning = limit(each.turning, plain);
-        lines.push(format!("  {name:<12} {critical:<20} {stable:<20} {turning:<16} {smallest} N/m"));
-    }
-    lines.extend(other_methods(inspection, plain).map(|others| format!("  methods      {others}")));
-    lines.extend(turned(inspection));
-    let changed = match inspection.compressed_springs {
-        0 => "",
-        _ => ", whose transverse terms tension drops and absolute takes with the other sign",
-    };
-    lines.push(format!("  compressed   {}{changed}", count(inspection.compressed_springs, "spring")));
-    if inspection.growing_modes > 0 {
-        let modes = count(inspection.growing_modes, "mode");
-        lines.push(format!("  growing      {modes} of the motion itself, whatever the step: the state is not stable"));
-    }
-    if let Some(lowest) = inspection.directions.first().filter(|lowest| !lowest.culprits.is_empty()) {
-        lines.extend(culprits(lowest));
-        if let Some(fold) = inspection.fold() {
-            lines.push(format!("    λ_min is {fold}, to a thousandth: u is one of many such directions"));
-        }
-    }
-    let negative: Vec<&Direction> = inspection.directions.iter().filter(|d| d.eigenvalue < 0.0).collect();
-    if negative.len() > 1 {
-        let all = match inspection.lacks(Part::Signs(*option)) {
-            true => format!("at least {}", negative.len()),
-            false => inertia.negative.to_string(),
+impl InspectionReport<'_> {
+    /// Everything that matters, a screen long.
+    pub fn text(&self) -> String {
+        let &Self { scene, step, time, inspection, losses } = self;
+        let Inspection { dt, option, .. } = inspection;
+        let examined = inspection.examined();
+        let inertia = &examined.inertia;
+        let verdict = match (inertia.negative, inertia.zero) {
+            _ if inspection.lacks(Part::Signs(*option)) => match &inspection.first {
+                Some(first) if !first.definite => "INDEFINITE",
+                Some(_) => "positive definite as far as is seen",
+                None => UNKNOWN,
+            },
+            (0, 0) => "positive definite",
+            (0, _) => "singular to working precision",
+            _ => "INDEFINITE",
         };
-        lines.push(format!("  directions   {} of {all} examined:", negative.len()));
-        for direction in negative.iter().take(LISTED) {
-            let worst: Vec<String> = direction.culprits.iter().take(3).map(|c| c.spring.to_string()).collect();
-            let moving: Vec<String> = direction.movers.iter().take(3).map(|m| m.particle.to_string()).collect();
-            let value = plain(direction.eigenvalue);
+        let at = if step > 0 {
+            format!(" after {}, t = {} s", count(step as usize, "step"), plain(time))
+        } else {
+            " at this state".into()
+        };
+        if inertia.negative + inertia.zero + inertia.positive == 0 {
+            return format!("{scene}{at}: no coordinate is free, so A has no rows, and there is nothing to inspect");
+        }
+        let mut lines = vec![format!("{scene}{at}: A is {verdict} (stiffness {}, dt = {dt:?} s)", option.name())];
+        let is_counted = !inspection.lacks(Part::Signs(*option));
+        let signs = match is_counted {
+            false => "signs not counted".to_owned(),
+            true => {
+                let certainty = if inertia.proven { "proven" } else { "to rounding" };
+                format!(
+                    "{} negative, {} zero, {} positive ({certainty})",
+                    inertia.negative, inertia.zero, inertia.positive
+                )
+            }
+        };
+        lines.push(format!(
+            "  eigenvalues  {signs}; from {} to {} N/m, condition {}",
+            known(examined.smallest, plain),
+            known(examined.largest, plain),
+            known(examined.condition, plain),
+        ));
+        if is_counted && inertia.negative == 0 && inertia.zero > 0 {
+            lines.push("  singular     sprung mechanisms names the motions that stretch no spring".into());
+        }
+        lines.push(format!("  limits       {}; a run leaves it, --steps N follows one", scope()));
+        lines.push(format!(
+            "  {:<12} {:<20} {:<20} {:<16} {}",
+            "stiffness", "definite up to", "stable up to", "turning up to", "λ_min at this dt"
+        ));
+        for each in &inspection.options {
+            let (name, smallest) = (each.option.name(), known(each.smallest, plain));
+            // With the digits that a script may want.
+            let [critical, stable] = [each.critical, each.stable].map(|step| limit(step, |dt| format!("{dt:.9e}")));
+            let turning = limit(each.turning, plain);
+            lines.push(format!("  {name:<12} {critical:<20} {stable:<20} {turning:<16} {smallest} N/m"));
+        }
+        lines.extend(other_methods(inspection, plain).map(|others| format!("  methods      {others}")));
+        lines.extend(turned(inspection));
+        let changed = match inspection.compressed_springs {
+            0 => "",
+            _ => ", whose transverse terms tension drops and absolute takes with the other sign",
+        };
+        lines.push(format!("  compressed   {}{changed}", count(inspection.compressed_springs, "spring")));
+        if inspection.growing_modes > 0 {
+            let modes = count(inspection.growing_modes, "mode");
             lines.push(format!(
-                "    λ = {value} N/m: springs {}; moves particles {}",
-                worst.join(", "),
-                moving.join(", ")
+                "  growing      {modes} of the motion itself, whatever the step: the state is not stable"
             ));
         }
-        lines.extend(more(negative.len()));
-    }
-    if !inspection.clusters.is_empty() {
-        lines.push(format!("  clusters     {}:", count(inspection.clusters.len(), "group") + " of culprits"));
-        for cluster in inspection.clusters.iter().take(LISTED) {
-            let what =
-                format!("{} on {}", count(cluster.springs.len(), "spring"), count(cluster.particles.len(), "particle"));
-            lines.push(format!("    {what}, strain down to {}: {}", plain(cluster.strain), list(&cluster.springs)));
+        if let Some(lowest) = inspection.directions.first().filter(|lowest| !lowest.culprits.is_empty()) {
+            lines.extend(culprits(lowest));
+            if let Some(fold) = inspection.fold() {
+                lines.push(format!("    λ_min is {fold}, to a thousandth: u is one of many such directions"));
+            }
         }
-        lines.extend(more(inspection.clusters.len()));
-    }
-    if let Some(set) = &inspection.smallest_set {
-        let terms = count(set.springs.len(), "transverse term");
-        let how = smallness(set);
-        lines.push(format!("  drop         {terms} {how} (tension drops {}): {}", set.tension, list(&set.springs)));
-    }
-    lines.extend(estimated(inspection, plain).map(|what| format!("  estimated    {what}")));
-    lines.extend(left_out(inspection).into_iter().map(|what| format!("  left out     {what}")));
-    if let Some(losses) = losses {
-        let lost = lost(losses, plain);
-        if lost.is_empty() {
-            lines.push(format!("  kept         on the way {}", KEPT));
+        let negative: Vec<&Direction> = inspection.directions.iter().filter(|d| d.eigenvalue < 0.0).collect();
+        if negative.len() > 1 {
+            let all = match inspection.lacks(Part::Signs(*option)) {
+                true => format!("at least {}", negative.len()),
+                false => inertia.negative.to_string(),
+            };
+            lines.push(format!("  directions   {} of {all} examined:", negative.len()));
+            for direction in negative.iter().take(LISTED) {
+                let worst: Vec<String> = direction.culprits.iter().take(3).map(|c| c.spring.to_string()).collect();
+                let moving: Vec<String> = direction.movers.iter().take(3).map(|m| m.particle.to_string()).collect();
+                let value = plain(direction.eigenvalue);
+                lines.push(format!(
+                    "    λ = {value} N/m: springs {}; moves particles {}",
+                    worst.join(", "),
+                    moving.join(", ")
+                ));
+            }
+            lines.extend(more(negative.len()));
         }
-        for (k, (what, how)) in lost.iter().enumerate() {
-            let heading = if k == 0 { "first lost" } else { "" };
-            lines.push(format!("  {heading:<12} {what:<9} {how}"));
+        if !inspection.clusters.is_empty() {
+            lines.push(format!("  clusters     {}:", count(inspection.clusters.len(), "group") + " of culprits"));
+            for cluster in inspection.clusters.iter().take(LISTED) {
+                let what = format!(
+                    "{} on {}",
+                    count(cluster.springs.len(), "spring"),
+                    count(cluster.particles.len(), "particle")
+                );
+                lines.push(format!(
+                    "    {what}, strain down to {}: {}",
+                    plain(cluster.strain),
+                    listed(&cluster.springs, LISTED)
+                ));
+            }
+            lines.extend(more(inspection.clusters.len()));
         }
+        if let Some(set) = &inspection.smallest_set {
+            let terms = count(set.springs.len(), "transverse term");
+            let how = smallness(set);
+            lines.push(format!(
+                "  drop         {terms} {how} (tension drops {}): {}",
+                set.tension,
+                listed(&set.springs, LISTED)
+            ));
+        }
+        lines.extend(estimated(inspection, plain).map(|what| format!("  estimated    {what}")));
+        lines.extend(left_out(inspection).into_iter().map(|what| format!("  left out     {what}")));
+        if let Some(losses) = losses {
+            let lost = lost(losses, plain);
+            if lost.is_empty() {
+                lines.push(format!("  kept         on the way {}", KEPT));
+            }
+            for (k, (what, how)) in lost.iter().enumerate() {
+                let heading = if k == 0 { "first lost" } else { "" };
+                lines.push(format!("  {heading:<12} {what:<9} {how}"));
+            }
+        }
+        lines.join("\n")
     }
-    lines.join("\n")
 }
 
 /// The first answer in a line, for those who wait for the others; `None` before it is known.
@@ -147,7 +169,6 @@ pub fn first_answer(inspection: &Inspection) -> Option<String> {
     Some(format!("A is {what} (stiffness {}, dt = {dt:?} s){}", option.name(), worst.unwrap_or_default()))
 }
 
-/// The spring that the step turns worst.
 fn turned(inspection: &Inspection) -> Vec<String> {
     let Some(turn) = &inspection.turn else { return Vec::new() };
     let [what, then] = turning(turn, plain);
@@ -187,10 +208,4 @@ fn culprits(lowest: &Direction) -> Vec<String> {
 
 fn more(total: usize) -> Option<String> {
     (total > LISTED).then(|| format!("    and {} more", total - LISTED))
-}
-
-fn list(numbers: &[usize]) -> String {
-    let shown: Vec<String> = numbers.iter().take(LISTED).map(usize::to_string).collect();
-    let rest = if numbers.len() > LISTED { format!(" and {} more", numbers.len() - LISTED) } else { String::new() };
-    format!("{}{rest}", shown.join(", "))
 }

@@ -141,15 +141,13 @@ fn displacements(path: &LoadPath) -> Vec<f64> {
 
 /// Displacements over the load, with the critical loads.
 pub fn load_path_plot(scene: &str, path: &LoadPath) -> Plot {
-    let points =
-        || path.steps.iter().zip(displacements(path)).map(|((factor, found), u)| (*factor, u, found.stability));
+    let is_stable = |found: &Equilibrium| matches!(found.stability, Stability::Stable | Stability::Indifferent);
     let of = |wanted: bool| {
-        let chosen = points()
-            .filter(move |(.., stability)| matches!(stability, Stability::Stable | Stability::Indifferent) == wanted);
-        chosen.map(|(factor, u, _)| (factor, u)).collect::<Vec<_>>()
+        let steps = path.steps.iter().zip(displacements(path));
+        let chosen = steps.filter(|((_, found), _)| is_stable(found) == wanted);
+        chosen.map(|((factor, _), u)| (*factor, u)).collect::<Vec<_>>()
     };
-    let axes = [Axis::linear("part of the full load"), Axis::linear("largest displacement, m")];
-    let [x, y] = axes;
+    let (x, y) = (Axis::linear("part of the full load"), Axis::linear("largest displacement, m"));
     let mut plot = Plot::new(format!("Load path of {scene}"), x, y).with_series(Series::line("equilibria", of(true)));
     let unstable = of(false);
     if !unstable.is_empty() {

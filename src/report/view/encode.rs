@@ -17,10 +17,10 @@ use flate2::Compression;
 use flate2::write::DeflateEncoder;
 use nalgebra::Vector3;
 use serde::Serialize;
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::io::Write;
 
-/// The data of a page.
 pub(super) struct Encoded {
     pub about: About,
     /// The bytes in base64.
@@ -54,13 +54,13 @@ pub(super) struct About {
     pub speeds: Vec<f64>,
     pub origin: [f64; 3],
     pub quantum: f64,
-    pub bounds: Bounds,
+    bounds: Value,
     /// About how long the shown springs are, in m.
     pub spacing: f64,
     pub strain: StrainScale,
     sections: BTreeMap<&'static str, [usize; 2]>,
-    channels: Channels,
-    pub tracks: Vec<Panel>,
+    channels: Value,
+    pub tracks: Vec<Value>,
 }
 
 /// The largest displacement of motions about a state.
@@ -73,24 +73,12 @@ pub(super) struct Amplitude {
 }
 
 #[derive(Serialize)]
-pub(super) struct Bounds {
-    low: [f64; 3],
-    high: [f64; 3],
-}
-
-#[derive(Serialize)]
 pub(super) struct StrainScale {
     pub levels: i32,
     /// The largest size of a strain.
     pub largest: f64,
     /// The size from which on colours are the same.
     pub shown: f64,
-}
-
-#[derive(Serialize)]
-struct Channels {
-    places: [Channel; 3],
-    strain: Channel,
 }
 
 impl StrainScale {
@@ -173,11 +161,11 @@ fn with_frames(animation: &Animation, every: usize) -> Encoded {
         amplitude: None,
         origin: low.into(),
         quantum,
-        bounds: Bounds { low: low.into(), high: high.into() },
+        bounds: json!({"low": low.as_slice(), "high": high.as_slice()}),
         spacing: spacing(topology.pairs.as_slice(), frame_of(&0), widest),
         strain: scale,
         sections,
-        channels: Channels { places, strain },
+        channels: json!({"places": places, "strain": strain}),
         tracks: animation.all_tracks().iter().map(|track| panel(track)).collect(),
     };
     Encoded { about, data: compressed(&bytes), left_out: animation.times.len() - frames }
@@ -246,7 +234,6 @@ fn floats(values: &[f64]) -> Vec<u8> {
     values.iter().flat_map(|&value| (value as f32).to_le_bytes()).collect()
 }
 
-/// Deflated and in base64.
 fn compressed(bytes: &[u8]) -> String {
     let mut encoder = DeflateEncoder::new(Vec::new(), Compression::new(6));
     // Writing to memory does not fail.
@@ -254,35 +241,17 @@ fn compressed(bytes: &[u8]) -> String {
     STANDARD.encode(packed.unwrap_or_default())
 }
 
-/// Curves over time, as the page draws them.
-#[derive(Serialize)]
-pub(super) struct Panel {
-    title: String,
-    unit: String,
-    times: Vec<f64>,
-    curves: Vec<Curve>,
-}
-
-#[derive(Serialize)]
-struct Curve {
-    name: String,
-    values: Vec<f64>,
-}
-
-/// Thinned evenly to 2000 points, more than a wide screen has pixels, and in six digits.
-fn panel(track: &Track) -> Panel {
+/// Curves over time, thinned evenly to 2000 points, more than a wide screen has pixels, and in six digits.
+fn panel(track: &Track) -> Value {
     let every = track.times.len() / 2000 + 1;
-    let rounded = |value: &f64| format!("{value:.5e}").parse().unwrap_or(*value);
-    let curve = |(name, values): &(String, Vec<f64>)| Curve {
-        name: name.clone(),
-        values: values.iter().step_by(every).map(rounded).collect(),
+    let thinned = |values: &[f64]| values.iter().copied().step_by(every).collect::<Vec<f64>>();
+    let rounded = |value: f64| format!("{value:.5e}").parse().unwrap_or(value);
+    let curve = |(name, values): &(String, Vec<f64>)| {
+        let values: Vec<f64> = thinned(values).into_iter().map(rounded).collect();
+        json!({"name": name, "values": values})
     };
-    Panel {
-        title: track.title.clone(),
-        unit: track.unit.clone(),
-        times: track.times.iter().copied().step_by(every).collect(),
-        curves: track.curves.iter().map(curve).collect(),
-    }
+    let curves: Vec<Value> = track.curves.iter().map(curve).collect();
+    json!({"title": track.title, "unit": track.unit, "times": thinned(&track.times), "curves": curves})
 }
 
 /// The place of a channel among the bytes, and its prediction.

@@ -10,9 +10,10 @@ mod motions;
 pub use motions::{Motion, Motions};
 
 use super::number::{count, pretty, typeset};
+use super::page::{self, footer};
 use crate::figure::{Animation, Binding};
 use encode::Encoded;
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 use std::io;
 
 /// The page of an animation. Frames are left out, evenly, where the page would be larger than 40 MB: such files are slow to load, and mail and
@@ -29,7 +30,7 @@ pub fn html(animation: &Animation) -> io::Result<String> {
 /// # Errors
 /// As [`html()`].
 pub fn within(animation: &Animation, limit: usize) -> io::Result<String> {
-    page(animation, &encode::encode(animation, limit))
+    player(animation, &encode::encode(animation, limit))
 }
 
 /// The program, in the order in which its parts use each other; the last one is that of the page.
@@ -45,7 +46,7 @@ const SCRIPTS: [&str; 8] = [
 ];
 const CONTROLS: &str = include_str!("controls.js");
 
-fn page(animation: &Animation, encoded: &Encoded) -> io::Result<String> {
+fn player(animation: &Animation, encoded: &Encoded) -> io::Result<String> {
     let header = html! {
         p.lead { (lead(animation)) }
         p.told { (typeset(&summary(animation))) }
@@ -68,32 +69,19 @@ fn page(animation: &Animation, encoded: &Encoded) -> io::Result<String> {
 fn document(title: &str, header: &Markup, body: &Markup, encoded: &Encoded, script: &str) -> io::Result<String> {
     // No text in it ends a script.
     let about = serde_json::to_string(&encoded.about)?.replace('<', "\\u003c");
-    let document = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (title) }
-                // Without this, browsers ask the server for an icon.
-                link rel="icon" href="data:,";
-                style { (PreEscaped(include_str!("view.css"))) }
-            }
-            body {
-                header { h1 { (title) } (header) }
-                (body)
-                footer { "Written by sprung " (env!("CARGO_PKG_VERSION")) ". This page is one file and loads nothing." }
-                script type="application/json" id="about" { (PreEscaped(&about)) }
-                script type="text/plain" id="data" { (PreEscaped(&encoded.data)) }
-                script type="module" {
-                    @for script in SCRIPTS { (PreEscaped(script)) }
-                    (PreEscaped(script))
-                    (PreEscaped("start().catch((error) => say(`The motion cannot be shown: ${error.message}`));\n"))
-                }
-            }
+    let body = html! {
+        header { h1 { (title) } (header) }
+        (body)
+        (footer())
+        script type="application/json" id="about" { (PreEscaped(&about)) }
+        script type="text/plain" id="data" { (PreEscaped(&encoded.data)) }
+        script type="module" {
+            @for script in SCRIPTS { (PreEscaped(script)) }
+            (PreEscaped(script))
+            (PreEscaped("start().catch((error) => say(`The motion cannot be shown: ${error.message}`));\n"))
         }
     };
-    Ok(document.into_string())
+    Ok(page::document(title, include_str!("view.css"), &body))
 }
 
 fn lead(animation: &Animation) -> String {
@@ -131,19 +119,9 @@ fn summary(animation: &Animation) -> String {
     }
 }
 
-/// Sentences on what the page leaves out.
 fn notes(animation: &Animation, encoded: &Encoded) -> Vec<String> {
     let mut notes = Vec::new();
-    if animation.decimation().is_some() {
-        let [particles, springs] = animation.whole();
-        let topology = animation.cast();
-        notes.push(format!(
-            "Thinned: {} of {particles} particles are shown, each for its neighbourhood, and {} lines for {springs} springs, each with \
-             the mean strain of the springs from one neighbourhood to the next. The curves below are of all springs.",
-            topology.bindings.len(),
-            topology.pairs.len(),
-        ));
-    }
+    notes.extend(thinned(animation).map(|note| note + " The curves below are of all springs."));
     if encoded.left_out > 0 {
         let all = animation.times.len();
         notes.push(format!(
@@ -152,6 +130,18 @@ fn notes(animation: &Animation, encoded: &Encoded) -> Vec<String> {
         ));
     }
     notes
+}
+
+/// A sentence on the neighbourhoods that a thinned scene shows.
+fn thinned(animation: &Animation) -> Option<String> {
+    animation.decimation()?;
+    let ([particles, springs], shown) = (animation.whole(), animation.cast());
+    Some(format!(
+        "Thinned: {} of {particles} particles are shown, each for its neighbourhood, and {} lines for {springs} springs, each with \
+         the mean strain of the springs from one neighbourhood to the next.",
+        shown.bindings.len(),
+        shown.pairs.len(),
+    ))
 }
 
 fn stage(animation: &Animation, encoded: &Encoded) -> Markup {
@@ -214,7 +204,6 @@ fn switches(animation: &Animation) -> Markup {
     }
 }
 
-/// The keys of a page that shows frames in time.
 fn time_keys() -> Markup {
     html! {
         dt { "time" } dd { kbd { "space" } " plays and pauses, " kbd { "←" } " " kbd { "→" } " step, " kbd { "Home" } " " kbd { "End" } "; or point at a curve" }

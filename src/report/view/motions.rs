@@ -3,7 +3,7 @@
 //! The encoded frames are the state, and the state moved along each motion by one length. The page composes what lies between.
 
 use super::encode::{Amplitude, encode, extent};
-use super::{document, help, stage, switches};
+use super::{document, help, stage, switches, thinned};
 use crate::figure::{Animation, SceneTopology};
 use crate::report::number::{count, pretty, typeset};
 use maud::{Markup, html};
@@ -16,11 +16,6 @@ const AMPLITUDE: f64 = 0.1;
 /// The largest amplitude that can be chosen, as a part of the extent.
 const LARGEST: f64 = 0.3;
 
-/// Bytes before compression, which makes a page of at most 40 MB, and motions in a list that can be read.
-const BYTES: usize = 28_000_000;
-const LISTED: usize = 500;
-
-/// The steering of the page.
 const CONTROLS: &str = include_str!("motions.js");
 
 /// One motion.
@@ -82,12 +77,7 @@ impl Motions {
             @if shown < self.motions.len() {
                 p.note { "The first " (shown) " of " (self.motions.len()) " motions are shown, so that this file stays small." }
             }
-            @if animation.decimation().is_some() {
-                p.note {
-                    "Thinned: " (animation.cast().bindings.len()) " of " (particles) " particles are shown, each for its neighbourhood, and "
-                    (animation.cast().pairs.len()) " lines for " (springs) " springs."
-                }
-            }
+            @if let Some(note) = thinned(&animation) { p.note { (note) } }
         };
         let body = html! {
             main.beside {
@@ -103,10 +93,10 @@ impl Motions {
         document(&self.title, &header, &body, &encoded, CONTROLS)
     }
 
-    /// The number of motions that make a page of a bearable size.
+    /// The number of motions in a list that can be read, and in 28 MB before compression, which make a page of at most 40 MB.
     fn shown(&self, animation: &Animation) -> usize {
         let bytes = 6 * animation.cast().bindings.len() + 2 * animation.cast().pairs.len();
-        self.motions.len().min(LISTED).min((BYTES / bytes.max(1)).saturating_sub(1).max(1))
+        self.motions.len().min(500).min((28_000_000 / bytes.max(1)).saturating_sub(1).max(1))
     }
 
     fn list(&self, shown: usize) -> Markup {

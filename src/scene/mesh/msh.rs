@@ -13,7 +13,6 @@ struct Reader<'a> {
     /// The type of counts and tags in blocks of version 4.1; 32-bit in version 2.
     size: Kind,
     raw: Raw,
-    /// Nodes by their tags.
     nodes: HashMap<u64, u32>,
 }
 
@@ -65,7 +64,6 @@ impl Reader<'_> {
         }
     }
 
-    /// Skips another section.
     fn skip(&mut self, section: &str) -> Result<(), Fault> {
         let Some(name) = section.strip_prefix('$') else {
             return Err(self.cursor.fault(format_args!("{section:?} where a section should begin")));
@@ -84,7 +82,6 @@ impl Reader<'_> {
         self.cursor.next(Kind::I32, self.order)
     }
 
-    /// A count or a tag of the size of blocks.
     fn count(&mut self) -> Result<u64, Fault> {
         let number = self.cursor.next(self.size, self.order)?;
         if number.fract() == 0.0 && (0.0..9e15).contains(&number) {
@@ -189,7 +186,6 @@ impl Reader<'_> {
         self.end("$EndElements")
     }
 
-    /// The corners of an element after its number.
     fn element(&mut self, element: u64, kind: u32) -> Result<(), Fault> {
         // The VTK type, whose corners are in the same order.
         let (vtk_type, count) = match kind {

@@ -72,7 +72,6 @@ struct Element {
 struct Property {
     name: String,
     kind: Kind,
-    /// The type of a list's length.
     length: Option<Kind>,
 }
 
@@ -132,7 +131,6 @@ pub fn read_ply(bytes: &[u8]) -> Result<Raw, Fault> {
     Ok(raw)
 }
 
-/// The byte order of a binary file, and its elements.
 fn ply_header(cursor: &mut Cursor) -> Result<(Option<Order>, Vec<Element>), Fault> {
     let mut order = None;
     let mut elements: Vec<Element> = Vec::new();

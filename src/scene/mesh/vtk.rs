@@ -11,7 +11,6 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// The cells with their numbers.
     fn each(&self) -> impl Iterator<Item = (u32, &[u32])> {
         let starts = std::iter::once(&0).chain(&self.ends);
         let cells = starts.zip(&self.ends).map(|(start, end)| self.corners.get(*start as usize..*end as usize));
@@ -81,7 +80,6 @@ pub fn indices(numbers: &[f64]) -> Result<Vec<u32>, Fault> {
 struct Reader<'a> {
     cursor: Cursor<'a>,
     is_binary: bool,
-    /// Cells are stored as offsets and connectivity.
     has_offsets: bool,
 }
 

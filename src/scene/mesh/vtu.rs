@@ -10,17 +10,14 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use std::io::Read;
 
-/// The storage of a file's numbers.
 struct Storage<'a> {
     order: Order,
-    /// The type of lengths.
     header: Kind,
     is_compressed: bool,
     appended: &'a [u8],
     is_raw: bool,
 }
 
-/// An array, named by its parent element and itself.
 struct Array {
     parent: String,
     name: String,
