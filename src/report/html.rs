@@ -5,6 +5,7 @@ use super::number::{self, count, typeset};
 use super::page::{self, Column, Row};
 use crate::verify::{Claim, Results};
 use maud::{Markup, PreEscaped, html};
+use serde::Deserialize;
 
 /// The results as one HTML page without scripts and without anything to load.
 pub fn html(results: &Results) -> String {
@@ -21,6 +22,7 @@ pub fn html(results: &Results) -> String {
         (not_verified(results))
         (reading())
         @for (claim, checks) in &claims { (claim_section(*claim, checks, &scenes)) }
+        (faults())
     };
     let [checks, scenes] = [count(results.checks.len(), "check"), count(scenes.len(), "scene")];
     let lead = format!("{checks} on {scenes}, for {}.", count(claims.len(), "claim"));
@@ -92,15 +94,18 @@ fn banner(results: &Results) -> Markup {
     }
 }
 
-/// The claims as a table that is the table of contents too: how each is tested, and how near its checks come to their bounds.
+/// The claims as a table that is the table of contents too: how each is tested, how near its checks come to their bounds, and the planted
+/// faults that no other claim has a check for.
 fn contents(claims: &[(Claim, Numbered<'_>)]) -> Markup {
     let columns = [
         ("claim, and what is measured", Column::Text),
         ("checks", Column::Number),
         ("value / bound: worst", Column::Number),
         ("median", Column::Number),
+        ("faults that it alone catches", Column::Number),
         ("verdict", Column::Text),
     ];
+    let faults = recorded_faults();
     let row = |(claim, checks): &(Claim, Numbered<'_>)| {
         let failed = failed(checks);
         let verdict = html! {
@@ -109,11 +114,13 @@ fn contents(claims: &[(Claim, Numbered<'_>)]) -> Markup {
         };
         let mut shares: Vec<f64> = checks.iter().map(|(_, check)| check.share()).collect();
         shares.sort_by(f64::total_cmp);
+        let alone = faults.iter().filter(|fault| fault.is_caught_by_one() && fault.claim() == claim.id()).count();
         let cells = vec![
             html! { a href=(format!("#{}", claim.id())) { (claim.title()) } br; small.quiet { (page::formula(claim.formula())) } },
             html! { (checks.len()) },
             html! { (number::share(number::pretty, worst_share(checks))) },
             html! { (number::share(number::pretty, shares[shares.len() / 2])) },
+            html! { (alone) },
             verdict,
         ];
         if failed == 0 { Row::Cells(cells) } else { Row::Failed(cells) }
@@ -180,9 +187,70 @@ fn reading() -> Markup {
         p {
             "This program moves particles that are joined by springs. At every step it builds a large matrix and solves \
              a linear system with it. Here it is held against mathematics: each check measures one error and compares it \
-             with the largest error that is allowed. What the checks catch was tried with faults planted into copies of the program."
+             with the largest error that is allowed."
         }
         (page::folded("Words and numbers", &html! { dl.reading { @for (term, meaning) in terms { dt { (term) } dd { (meaning) } } } }))
     };
     page::section("reading", &html! { "How to read this" }, &body)
+}
+
+/// A planted fault, and the tests that fail with it.
+#[derive(Deserialize)]
+struct Fault {
+    fault: String,
+    function: String,
+    tests: usize,
+    families: usize,
+    by: Vec<(String, usize)>,
+}
+
+impl Fault {
+    /// The claim that has the most tests of it.
+    fn claim(&self) -> String {
+        let family = self.by.first().map(|(family, _)| family.split("::").next().unwrap_or_default());
+        family.unwrap_or_default().replace('_', "-")
+    }
+
+    /// Whether the tests that fail are of one family.
+    fn is_caught_by_one(&self) -> bool {
+        self.families == 1
+    }
+}
+
+/// `faults.json` is written by the program that plants the faults.
+fn recorded_faults() -> Vec<Fault> {
+    serde_json::from_str(include_str!("faults.json")).unwrap_or_default()
+}
+
+/// The planted faults that the suite catches.
+fn faults() -> Markup {
+    let faults = recorded_faults();
+    let survived = faults.iter().filter(|fault| fault.tests == 0).count();
+    let columns = [
+        ("fault", Column::Text),
+        ("in", Column::Named),
+        ("tests that fail", Column::Number),
+        ("among them", Column::Named),
+    ];
+    let row = |fault: &Fault| {
+        let families: Vec<&str> = fault.by.iter().take(3).map(|(family, _)| family.as_str()).collect();
+        let more = fault.families.saturating_sub(families.len());
+        Row::Cells(vec![
+            html! { (fault.fault) },
+            html! { code { (fault.function) } },
+            html! { (fault.tests) },
+            html! { span.names { (families.join(", ")) @if more > 0 { " and " (more) " more" } } },
+        ])
+    };
+    let table = page::table("Planted faults", "full cards faults", &columns, faults.iter().map(row));
+    let body = html! {
+        p {
+            "A suite is worth what it catches. Faults that are typical of such programs were put into copies of this one, one \
+             at a time, and the whole suite, known answers included, was run on each. "
+            @if survived == 0 { (count(faults.len(), "fault")) ", all caught." }
+            @else { (survived) " of " (count(faults.len(), "fault")) " survived." }
+        }
+        (page::folded("The faults, and which checks caught them", &table))
+    };
+    page::section("faults", &html! { "What these checks catch" }, &body)
 }

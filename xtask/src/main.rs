@@ -27,7 +27,7 @@ enum Command {
     Deps,
     /// Plant random faults in every module, one at a time, and print which tests detect them; an hour
     Blind(blind::Choice),
-    /// Plant faults in a copy and record which tests catch each: verification/faults.md, verification/faults.json; 15 minutes
+    /// Plant faults in a copy and record which tests catch each: verification/faults.md, src/report/faults.json; 15 minutes
     Faults(faults::Chosen),
     #[command(flatten)]
     Tool(tools::Tool),

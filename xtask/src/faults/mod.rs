@@ -1,7 +1,7 @@
 //! Plants faults in a copy of the program, one at a time, and records the tests that detect each.
 //!
 //! Every fault of `verification/faults.toml` is planted in a copy in the target folder. The verification suite runs on it, or the tests of a module
-//! if the suite cannot detect the fault. `verification/faults.json` and `verification/faults.md` record the results.
+//! if the suite cannot detect the fault. `src/report/faults.json` (for reports) and `verification/faults.md` record the results.
 
 pub mod copy;
 mod page;
@@ -99,7 +99,7 @@ pub fn run(root: &Path, chosen: &Chosen) -> Result<()> {
             anyhow::bail!("the program fails without a fault: {}", tests.join(", "));
         }
     }
-    let record = root.join("verification/faults.json");
+    let record = root.join("src/report/faults.json");
     let mut caught: Vec<Caught> = serde_json::from_str(&fs::read_to_string(&record)?)?;
     caught.retain(|row| !chosen.has(&row.fault) && faults.iter().any(|fault| fault.name == row.fault));
     let source = Source::read(&copy.program.join("src"))?;
