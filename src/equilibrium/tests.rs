@@ -35,6 +35,25 @@ fn a_hanging_chain_is_stretched_link_by_link() {
     }
 }
 
+/// A tolerance below rounding is met as far as rounding allows, which is better than by default.
+#[test]
+fn a_tolerance_below_rounding_is_met_to_rounding() {
+    let mut builder = SystemBuilder::new();
+    builder.gravity(0.0, -9.81, 0.0);
+    for p in 0..12 {
+        builder.particle([0.1 * f64::from(p), 0.03 * f64::from(p % 3), 0.0], 0.1);
+    }
+    for p in 0..11 {
+        builder.spring(p, p + 1, spring(300.0, 0.1));
+    }
+    builder.hold(0).hold(11);
+    let (system, state) = builder.build().unwrap();
+    let options = EquilibriumOptions { tolerance: 1e-30, ..EquilibriumOptions::default() };
+    let found = equilibrium(&system, &state, options).unwrap();
+    assert_eq!(found.stability, Stability::Stable);
+    assert!(found.residual <= EquilibriumOptions::default().tolerance, "{:e}", found.residual);
+}
+
 /// A straight column between a wall and a slider pressed together, free across: straight is a saddle, from which it buckles; without leaving it the
 /// saddle is the answer.
 #[test]

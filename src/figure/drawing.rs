@@ -120,8 +120,28 @@ impl Up {
 
 #[cfg(test)]
 mod tests {
-    use super::Up;
+    use super::{Drawing, Up};
+    use crate::{Spring, SystemBuilder};
     use nalgebra::Vector3;
+
+    /// From (0, 0) to (3, 4) with rest lengths of 4 m and, over 1 m, none; and of unchanged length.
+    #[test]
+    fn strains_are_changes_over_the_rest_length() {
+        let mut builder = SystemBuilder::new();
+        for position in [[0.0; 3], [3.0, 4.0, 0.0], [3.0, 0.0, 0.0]] {
+            builder.particle(position, 1.0);
+        }
+        for (i, j, rest_length) in [(0, 1, 4.0), (1, 0, 0.0), (0, 2, 3.0)] {
+            builder.spring(i, j, Spring { stiffness: 1.0, rest_length, damping: 0.0 });
+        }
+        builder.hold(2);
+        let (system, state) = builder.build().unwrap();
+        let drawing = Drawing::strains("strain", &system, &state);
+        let strains: Vec<(usize, f64)> =
+            drawing.segments.iter().map(|segment| (segment.ends[0], segment.scalar)).collect();
+        assert_eq!(strains, [(0, 0.25), (1, 5.0), (0, 0.0)]);
+        assert_eq!(drawing.held, [2]);
+    }
 
     /// The direction against gravity points upwards, and right hands stay right.
     #[test]
