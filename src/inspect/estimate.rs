@@ -102,9 +102,10 @@ impl Inspection {
                 self.set_known(part);
             }
         }
-        let mut pencil = MatrixPencil::new(system, extensions.clone());
+        let mut pencil = MatrixPencil::new(system, extensions.clone(), Property::Stable, Stiffness::Full);
         for option in [Stiffness::Tension, Stiffness::Axial, Stiffness::Absolute] {
-            pencil.set(Property::Stable, option, 0.0);
+            pencil.option = option;
+            pencil.set(0.0);
             if pencil.operator().has_no_negative_block() {
                 self.options[index_of(option)].stable = LargestStep::Every;
                 self.set_known(Part::Stable(option));

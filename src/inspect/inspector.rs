@@ -7,8 +7,9 @@
 use super::critical::{CriticalSteps, Known as KnownOfLimit, Property};
 use super::inertia::{InertiaCounter, InertiaMethod, definite_by_blocks, lightest};
 use super::inspection::{DIRECTIONS, Inspection, Part, SkipReason, Skipped, index_of, quick_check};
+use super::oracle::Oracle;
 use super::rotation_limit::RotationLimit;
-use super::smallest_set::{Trial, smallest_set_with};
+use super::smallest_set::{self, Trial};
 use super::spectrum::{Known, LARGEST_DENSE, spectrum_with};
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::eigen::Accuracy;
@@ -129,12 +130,11 @@ impl<'s> Inspector<'s> {
         let extensions = SpringGeometry::at(system, state)?;
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let factorization = Ldlt::analyse(pattern.pattern(), par)?;
-        let shared = || Ldlt::sharing(&factorization);
-        let nothing = Work::default();
+        let oracle = || Ok::<_, Error>(Oracle::new(pattern.clone(), Ldlt::sharing(&factorization)?));
         Ok(Self {
             system,
-            critical: CriticalSteps::analysed(system, extensions.clone(), pattern.clone(), shared()?, nothing)?,
-            rotation: RotationLimit::analysed(system, state, extensions.clone(), pattern.clone(), shared()?, nothing),
+            critical: CriticalSteps::analysed(system, extensions.clone(), oracle()?)?,
+            rotation: RotationLimit::analysed(system, state, extensions.clone(), oracle()?),
             counter: InertiaCounter::sharing(&factorization)?,
             budget: Budget::new(Cost::of(&factorization.size(), system.dofs().len()), most, Part::all()),
             factorization,
@@ -219,10 +219,10 @@ impl<'s> Inspector<'s> {
             Part::SmallestSet => {
                 if !known {
                     let Self { system, extensions, pattern, factorization, counter, work, found, .. } = self;
-                    let factorization = Ldlt::sharing(factorization)?;
-                    let trial = Trial::new(system, extensions, found.dt, pattern.clone(), factorization);
+                    let oracle = Oracle::new(pattern.clone(), Ldlt::sharing(factorization)?);
+                    let trial = Trial::new(system, extensions, found.dt, oracle);
                     let negative = found.options[0].inertia.negative;
-                    found.smallest_set = Some(smallest_set_with(trial, negative, counter, work));
+                    found.smallest_set = Some(smallest_set::search(trial, negative, counter, work));
                 }
             }
             Part::Curve => {}

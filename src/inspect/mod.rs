@@ -18,6 +18,7 @@ mod inertia;
 mod inspection;
 mod inspector;
 mod necessary;
+mod oracle;
 mod picture;
 mod rotation_limit;
 mod smallest_set;

@@ -1,6 +1,7 @@
 //! Compared entries of matrices and vectors, the worst ones in a table, with the difference in words.
 
 use super::force_error::ForceError;
+use crate::error::Invalid;
 use crate::system::System;
 use nalgebra::{Matrix3, Vector3};
 use nalgebra_sparse::CscMatrix;
@@ -223,7 +224,7 @@ pub(super) fn explain_by_spring(
     }
     let analytic = particle_block(system, matrix, i, j);
     let (numeric, tolerance) = numeric(i, j);
-    match block_verdict(&analytic, &numeric, &link.at.direction, link.spring.rest_length, dimension, tolerance) {
+    match block_verdict(&analytic, &numeric, &link.direction, link.rest_length, dimension, tolerance) {
         Some(words) => entry.with_verdict(words),
         None => entry,
     }
@@ -326,10 +327,13 @@ pub(super) fn for_each_entry(
     }
 }
 
-/// `Some(why)` if a matrix is not n × n.
-pub(super) fn wrong_size(name: &str, matrix: &CscMatrix<f64>, n: usize) -> Option<String> {
-    let size = (matrix.nrows(), matrix.ncols());
-    (size != (n, n)).then(|| format!("{name} is {} × {}, not {n} × {n}", size.0, size.1))
+/// An error unless a matrix is n × n.
+pub(super) fn check_square(name: &str, matrix: &CscMatrix<f64>, n: usize) -> Result<(), Invalid> {
+    if (matrix.nrows(), matrix.ncols()) == (n, n) {
+        return Ok(());
+    }
+    let size = format!("{} × {}", matrix.nrows(), matrix.ncols());
+    Err(Invalid::new(name, size, format!("must be {n} × {n} for a point of {n} coordinates")))
 }
 
 #[cfg(test)]

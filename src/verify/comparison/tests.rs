@@ -158,6 +158,6 @@ fn other_blocks_are_not_described_by_terms() {
 fn entries_that_are_not_stored_are_zero() {
     let matrix = CscMatrix::from(&DMatrix::from_row_slice(2, 2, &[3.0, 0.0, -4.0, 5.0]));
     assert_eq!([(0, 0), (0, 1), (1, 0), (1, 1)].map(|(r, c)| entry_of(&matrix, r, c)), [3.0, 0.0, -4.0, 5.0]);
-    assert_eq!(wrong_size("K", &matrix, 2), None);
-    assert_eq!(wrong_size("K", &matrix, 3).unwrap(), "K is 2 × 2, not 3 × 3");
+    assert_eq!(check_square("K", &matrix, 2), Ok(()));
+    assert!(check_square("K", &matrix, 3).is_err_and(|error| error.value == "2 × 2"));
 }
