@@ -31,14 +31,15 @@ pub use load_path::{CriticalKind, CriticalLoad, LoadPath, load_path};
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::{Accuracy, Pencil, ShiftInvert};
 use crate::error::{Error, Invalid, Result, check_length};
-use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
+use crate::force::{SpringGeometry, add_elastic_force};
 use crate::gradient::{Parameters, Point};
 use crate::integrate::{Matrices, Projection, StiffnessPolicy};
 use crate::linear::{Cholesky, Ldlt, dot};
+use crate::modes::loads_at_rest;
 use crate::operator::LinearOperator;
 use crate::rigid::bodies;
 use crate::spring::Stiffness;
-use crate::system::{State, StateView, System};
+use crate::system::{Axes, State, System};
 use crate::work::Work;
 use iterative::Iterative;
 use nalgebra::Vector3;
@@ -203,10 +204,7 @@ fn falling(system: &System, state: &State, load: f64) -> Vec<usize> {
 
 /// Weight and loads on every particle at rest, times a factor, in N.
 fn loads(system: &System, state: &State, factor: f64) -> Vec<Vector3<f64>> {
-    let rest = vec![Vector3::zeros(); system.particles()];
-    let mut forces = rest.clone();
-    add_weight(system, &mut forces);
-    add_external_forces(system, &StateView { velocities: &rest, ..state.moment() }, &mut forces);
+    let mut forces = loads_at_rest(system, state);
     forces.iter_mut().for_each(|f| *f *= factor);
     forces
 }
@@ -608,9 +606,8 @@ impl Equilibrium {
         result.loads.iter_mut().for_each(|f| *f *= self.load);
         // Held coordinates move f by their stiffness, and J directly.
         for (p, (moved, direct)) in moved.iter().zip(positions).enumerate() {
-            let free = dofs.free_axes(p);
-            result.positions[p] =
-                Vector3::from_fn(|axis, _| if free.contains(axis) { 0.0 } else { moved[axis] + direct[axis] });
+            let total = Vector3::from_fn(|axis, _| moved[axis] + direct[axis]);
+            result.positions[p] = Axes::ALL.without(dofs.free_axes(p)).project(&total);
         }
         Ok(result)
     }

@@ -20,17 +20,18 @@
 mod hanging;
 
 use crate::assembly::SymmetricMatrix;
-use crate::eigen::{Accuracy, BlockLanczos, Eigenpair, End, Pencil, Search, ShiftInvert, Tolerance, enclosures};
+use crate::eigen::{
+    Accuracy, BlockLanczos, Eigenpair, End, Pencil, Search, ShiftInvert, Tolerance, enclosures, multigrid_for,
+};
 use crate::error::{Error, Invalid, Result, check_length};
 use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
 use crate::integrate::Matrices;
 use crate::linear::{CostModel, FactorSize, Ldlt, PreconditionerKind, dot};
 use crate::memory;
-use crate::multigrid::Multigrid;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
-use crate::rigid::{Body, bodies, rigid_motions};
+use crate::rigid::{Body, bodies, combination, rigid_motions};
 use crate::spring::Stiffness;
-use crate::system::{DofMap, State, System};
+use crate::system::{DofMap, State, StateView, System};
 use crate::work::Work;
 use faer::{Par, c64};
 use hanging::hanging;
@@ -139,7 +140,7 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
     let masses = matrices.masses().to_vec();
     let stiffness = matrices.k().scaled(-1.0);
     let mut work = Work::default();
-    let zero = ZERO * weighted_norm(&stiffness, &masses);
+    let zero = ZERO * Pencil { masses: Some(&masses), ..Pencil::of(&stiffness) }.norm();
     let geometry = SpringGeometry::at(system, state)?;
     let rounding = Rounding { system, state, geometry: &geometry, of_sums: zero };
     let rigid = unresisted(&stiffness, &masses, rigid_motions(system, &state.positions), &rounding);
@@ -305,25 +306,14 @@ pub(crate) fn uncounted(
     let search = Search::new(End::Lowest, wanted, BLOCK);
     memory::ensure(16 * (search.capacity as u64 + 60) * n as u64, "the vectors of a search for modes")?;
     let geometry = SpringGeometry::at(system, state)?;
-    let shift = SHIFT * weighted_norm(a, masses);
+    let shift = SHIFT * Pencil { masses: Some(masses), ..Pencil::of(a) }.norm();
     let positive = |option| {
         SystemOperator::new(system, &geometry, option, Combination { mass: shift, damping: 0.0, stiffness: -1.0 })
     };
-    let build = |option| -> Option<Multigrid> {
-        let operator = positive(option);
-        let mut multigrid = Multigrid::new(system).ok()?;
-        multigrid.set_positions(&state.positions);
-        multigrid.refill(&operator).ok()?;
-        multigrid.rebuild(&operator).ok()?;
-        Some(multigrid)
-    };
+    let build = |option| multigrid_for(&positive(option), &state.positions);
     let mut multigrid = build(Stiffness::Full).or_else(|| build(Stiffness::Tension));
-    let products = SystemOperator::new(
-        system,
-        &geometry,
-        Stiffness::Full,
-        Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 },
-    );
+    let minus_k = Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 };
+    let products = SystemOperator::new(system, &geometry, Stiffness::Full, minus_k);
     let mut apply = |x: &[f64], y: &mut [f64]| {
         for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
             products.apply(x, y);
@@ -348,13 +338,6 @@ pub(crate) fn uncounted(
     Ok(pairs.map(|pair| Eigenpair { value: pair.value, vector: pair.vector, residual: pair.residual }).collect())
 }
 
-/// `maxᵢ Σⱼ |aᵢⱼ|/mᵢ`, no smaller than any eigenvalue.
-fn weighted_norm(a: &SymmetricMatrix, masses: &[f64]) -> f64 {
-    let mut sums = vec![0.0; a.order()];
-    a.norm_inf(&mut sums);
-    sums.iter().zip(masses).map(|(sum, mass)| sum / mass).fold(0.0, f64::max)
-}
-
 /// The motions of a set, orthonormal in M, that a matrix does not resist.
 fn unresisted(a: &SymmetricMatrix, masses: &[f64], motions: Vec<Vec<f64>>, rounding: &Rounding<'_>) -> Vec<Eigenpair> {
     if motions.is_empty() {
@@ -374,25 +357,27 @@ fn unresisted(a: &SymmetricMatrix, masses: &[f64], motions: Vec<Vec<f64>>, round
     let zero = rounding.of_sums.max(of_positions);
     let free = (0..motions.len()).filter(|&k| eigen.eigenvalues[k].max(0.0).sqrt() <= zero);
     free.map(|k| {
-        let mut vector = vec![0.0; a.order()];
-        for (motion, factor) in motions.iter().zip(&eigen.eigenvectors.column(k)) {
-            vector.iter_mut().zip(motion).for_each(|(sum, u)| *sum += factor * u);
-        }
+        let vector = combination(&motions, eigen.eigenvectors.column(k));
         Eigenpair { value: 0.0, residual: eigen.eigenvalues[k].max(0.0).sqrt(), vector }
     })
     .collect()
 }
 
+/// Weight and external forces on every particle at rest, in N.
+pub(crate) fn loads_at_rest(system: &System, state: &State) -> Vec<Vector3<f64>> {
+    let rest = vec![Vector3::zeros(); system.particles()];
+    let mut forces = rest.clone();
+    add_weight(system, &mut forces);
+    add_external_forces(system, &StateView { velocities: &rest, ..state.moment() }, &mut forces);
+    forces
+}
+
 /// The largest force on a free coordinate that nothing balances, over the largest force of one kind: of springs, weight or loads.
 pub(crate) fn imbalance(system: &System, state: &State) -> Result<f64> {
-    let zeros = || vec![Vector3::zeros(); system.particles()];
-    let (mut springs, mut loads) = (zeros(), zeros());
+    let mut springs = vec![Vector3::zeros(); system.particles()];
     let geometry = SpringGeometry::at(system, state)?;
     add_elastic_force(system, &geometry, &mut springs);
-    add_weight(system, &mut loads);
-    let rest = zeros();
-    let at = crate::system::StateView { velocities: &rest, ..state.moment() };
-    add_external_forces(system, &at, &mut loads);
+    let loads = loads_at_rest(system, state);
     let largest = |forces: &[Vector3<f64>]| {
         let mut reduced = vec![0.0; system.dofs().len()];
         system.dofs().gather(forces, &mut reduced);

@@ -19,7 +19,7 @@ use super::culprits::direction;
 use super::inertia::{Inertia, largest_at_particle, lightest};
 use super::inspection::{FirstAnswer, Inspection, Part, SkipReason, Skipped, index_of};
 use super::spectrum::{ROUNDING, Spectrum};
-use crate::eigen::{BlockLanczos, Eigenpair, End, Search, Tolerance};
+use crate::eigen::{BlockLanczos, Eigenpair, End, Search, Tolerance, multigrid_for};
 use crate::error::Result;
 use crate::force::SpringGeometry;
 use crate::memory;
@@ -45,7 +45,7 @@ impl Inspection {
         let mut found = Self::unknown(system, &extensions, dt, option);
         found.skipped = Part::all().map(|part| Skipped { part, why }).collect();
         let operator = |option| SystemOperator::new(system, &extensions, option, Combination::step(dt));
-        let mut multigrid = multigrid(system, state, &operator(Stiffness::Tension));
+        let mut multigrid = multigrid_for(&operator(Stiffness::Tension), &state.positions);
         let mut options = Stiffness::ALL;
         options.sort_by_key(|&each| each != option);
         let mut near: Option<Eigenpair> = None;
@@ -123,15 +123,6 @@ impl Inspection {
             self.estimated.push(part);
         }
     }
-}
-
-/// Multigrid for a positive definite A, where there is the memory for it.
-fn multigrid(system: &System, state: &State, positive: &SystemOperator<'_>) -> Option<Multigrid> {
-    let mut multigrid = Multigrid::new(system).ok()?;
-    multigrid.set_positions(&state.positions);
-    multigrid.refill(positive).ok()?;
-    multigrid.rebuild(positive).ok()?;
-    Some(multigrid)
 }
 
 /// Both ends of the spectrum, the low one from a vector near it; `condition` is NaN where A may be singular.

@@ -72,27 +72,20 @@ impl Inspection {
         };
         let mut order = Stiffness::ALL;
         order.sort_by_key(|&each| each != option);
-        // The factorization of a spectrum is of use for the rotation limit.
-        let of_others: Vec<Part> = order
-            .iter()
-            .flat_map(|&each| {
-                let spectrum = (each != option).then_some(Part::Spectrum(each));
-                let turning = matches!(each, Stiffness::Tension | Stiffness::Axial).then_some(Part::Turning(each));
-                [spectrum, turning].into_iter().flatten()
-            })
-            .collect();
-        let parts: Vec<Part> = [
-            &[Part::FirstAnswer][..],
-            &order.map(Part::Signs),
-            &[Part::GrowingModes, Part::Spectrum(option), Part::Definite(option), Part::Stable(option)],
-            &[Part::SmallestSet],
-            &of_others,
-            &order.map(Part::Definite)[1..],
-            &order.map(Part::Stable)[1..],
-            // Drawn by [`Pictures`](super::Pictures), if it is affordable.
-            &[Part::Curve],
-        ]
-        .concat();
+        let mut parts = vec![Part::FirstAnswer];
+        parts.extend(order.map(Part::Signs));
+        parts.extend([Part::GrowingModes, Part::Spectrum(option), Part::Definite(option), Part::Stable(option)]);
+        parts.push(Part::SmallestSet);
+        for each in order {
+            parts.extend((each != option).then_some(Part::Spectrum(each)));
+            // The factorization of a spectrum is of use for the rotation limit.
+            parts.extend(matches!(each, Stiffness::Tension | Stiffness::Axial).then_some(Part::Turning(each)));
+        }
+        parts.extend(
+            [Part::Definite, Part::Stable].into_iter().flat_map(|part| order[1..].iter().map(move |&each| part(each))),
+        );
+        // Drawn by [`Pictures`](super::Pictures), if it is affordable.
+        parts.push(Part::Curve);
         // Under `Full` both properties coincide, see [`CriticalSteps`].
         for part in parts.into_iter().filter(|part| *part != Part::Stable(Stiffness::Full)) {
             if inspector.inspect(part)? {

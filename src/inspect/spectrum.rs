@@ -123,39 +123,8 @@ pub(super) fn spectrum_with(
     Spectrum { condition, lowest, largest, smallest_within, largest_within }
 }
 
-/// λ_min alone, in N/m; NaN where A is empty or has entries that are not finite.
-///
-/// # Errors
-/// A matrix that is too large to factor.
-///
-/// # Examples
-/// ```
-/// use faer::Par;
-/// use sprung::Stiffness;
-/// use sprung::inspect::smallest_eigenvalue;
-/// use sprung::integrate::StepMatrices;
-/// use sprung::work::Work;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, state) = builder.build()?;
-/// let step = StepMatrices::assemble(&system, &state, Stiffness::Full, 1.0)?;
-/// // M/dt² = 1 N/m, and the spring under compression has k (1/l0 − 1/l) = −10 N/m across.
-/// let smallest = smallest_eigenvalue(&step.a, Par::Seq, &mut Work::default())?;
-/// assert!((smallest + 9.0).abs() < 1e-9);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-pub fn smallest_eigenvalue(a: &SymmetricMatrix, par: Par, work: &mut Work) -> Result<f64> {
-    work.symbolic_factorizations += 1;
-    Ok(smallest_eigenvalue_with(&mut Ldlt::analyse(a.pattern(), par)?, a, Accuracy::FULL, work))
-}
-
-/// As [`smallest_eigenvalue`], with an analysed factorization.
-pub(super) fn smallest_eigenvalue_with(
+/// λ_min alone, in N/m, with an analysed factorization; NaN where A is empty or has entries that are not finite.
+pub(super) fn smallest_eigenvalue(
     factorization: &mut Ldlt,
     a: &SymmetricMatrix,
     accuracy: Accuracy,
@@ -212,7 +181,6 @@ fn dense(a: &SymmetricMatrix, inertia: &Inertia, norm: f64) -> Option<Spectrum> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inspect::smallest_eigenvalue;
     use crate::linear::fixtures::banded;
 
     fn diagonal(n: usize, value: impl Fn(usize) -> f64) -> SymmetricMatrix {
@@ -229,7 +197,8 @@ mod tests {
         for a in [diagonal(0, |_| 0.0), diagonal(3, |_| f64::INFINITY), diagonal(300, |_| f64::NAN)] {
             let found = spectrum(&a, &signs(0, 0, a.dofs().len()), 1, Par::Seq, &mut work).unwrap();
             assert!(found.lowest.is_empty() && found.largest.is_nan() && found.condition.is_nan());
-            assert!(smallest_eigenvalue(&a, Par::Seq, &mut work).unwrap().is_nan());
+            let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
+            assert!(smallest_eigenvalue(&mut factorization, &a, Accuracy::FULL, &mut work).is_nan());
         }
         assert_eq!((work.factorizations, work.solves), (0, 0));
     }

@@ -89,17 +89,17 @@ fn verdict(analytic: f64, numeric: f64, tolerance: f64) -> String {
     } else if analytic == 0.0 {
         "missing".into()
     } else if numeric.abs() <= tolerance {
-        "should be zero".into()
+        "extra".into()
     } else if (analytic + numeric).abs() <= tolerance {
         "sign flipped".into()
     } else if analytic.signum() != numeric.signum() {
         "wrong sign and size".into()
     } else {
-        let excess = 100.0 * (analytic / numeric - 1.0);
-        match excess.abs() {
-            size if size >= 100.0 => format!("{:.3} times too large", analytic / numeric),
-            size if size >= 0.1 => format!("{size:.1} % too {}", if excess > 0.0 { "large" } else { "small" }),
-            size => format!("relative difference {:.1e}", size / 100.0),
+        let ratio = analytic / numeric;
+        match (ratio - 1.0).abs() {
+            _ if !(2.0 / 3.0..1.5).contains(&ratio) => format!("off by the factor {ratio:.2}"),
+            size if size < 1e-3 => format!("relative difference {size:.1e}"),
+            size => format!("{:.1} % too {}", 100.0 * size, if ratio > 1.0 { "large" } else { "small" }),
         }
     }
 }
@@ -177,7 +177,7 @@ impl WorstEntries {
         if place < self.limit {
             let entry = Entry { spring, ..Entry::new(row, column, analytic, numeric, allowed) };
             let unsure = !allowed.is_finite() && analytic.is_finite() && numeric.is_finite();
-            let entry = if unsure { entry.with_verdict(CANNOT_BE_MEASURED) } else { for_matrices(entry) };
+            let entry = if unsure { entry.with_verdict(CANNOT_BE_MEASURED) } else { entry };
             self.ranked.insert(place, (ratio, entry));
             self.ranked.truncate(self.limit);
         }
@@ -187,18 +187,6 @@ impl WorstEntries {
     pub fn into_table(self, mut explain: impl FnMut(Entry) -> Entry) -> Vec<Entry> {
         let explained = |(ratio, entry): (f64, Entry)| if ratio <= 1.0 { entry } else { explain(entry) };
         self.ranked.into_iter().map(explained).collect()
-    }
-}
-
-/// Says "extra" and "off by the factor" where a vector's verdict would speak of sizes.
-fn for_matrices(entry: Entry) -> Entry {
-    let ratio = entry.analytic / entry.numeric;
-    match entry.verdict.as_str() {
-        "should be zero" => entry.with_verdict("extra"),
-        verdict if verdict.contains(" too ") && !(2.0 / 3.0..1.5).contains(&ratio) => {
-            entry.with_verdict(format!("off by the factor {ratio:.2}"))
-        }
-        _ => entry,
     }
 }
 

@@ -106,11 +106,7 @@ fn step(case: &TestCase) -> f64 {
 /// The power of the springs, in W.
 fn elastic_power(system: &System, state: &State) -> f64 {
     let links = reference::links(system, &state.positions);
-    let power = |link: &Link| {
-        let [i, j] = link.ends;
-        link.elastic_force().dot(&(state.velocities[i] - state.velocities[j]))
-    };
-    links.iter().map(power).sum()
+    links.iter().map(|link| link.elastic_force().dot(&link.difference(&state.velocities))).sum()
 }
 
 /// The power of every moving coordinate's constraint, in W.
@@ -131,8 +127,7 @@ fn constraint_powers(system: &System, state: &State) -> Vec<f64> {
 fn damping_power(system: &System, state: &State) -> f64 {
     let links = reference::links(system, &state.positions);
     let power = |link: &Link| {
-        let [i, j] = link.ends;
-        let rate = link.direction.dot(&(state.velocities[i] - state.velocities[j]));
+        let rate = link.direction.dot(&link.difference(&state.velocities));
         link.damping * rate * rate
     };
     links.iter().map(power).sum()

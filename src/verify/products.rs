@@ -23,6 +23,7 @@ use crate::error::{Result, check_length};
 use crate::force::SpringGeometry;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::Stiffness;
+use crate::system::Axes;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -179,14 +180,12 @@ fn rigid_fields(case: &TestCase, option: Stiffness) -> Vec<RigidField> {
     let centre = case.centre();
     let arms: Vec<Vector3<f64>> = state.positions.iter().map(|x| x - centre).collect();
     let zeros = || vec![Vector3::zeros(); n];
-    let modelled =
-        |vector: [f64; 3]| Vector3::from_fn(|axis, _| if axis < system.dimension() { vector[axis] } else { 0.0 });
     let laplacian = |c: fn(&Link) -> f64| reference::sum(&links, n, |link| -link.direction * link.length * c(link));
     let mut fields = vec![
         RigidField {
             name: "translation",
             // No component is zero, and no two are alike.
-            field: vec![modelled([0.6, -0.7, 1.1]); n],
+            field: vec![Axes::first(system.dimension()).project(&Vector3::new(0.6, -0.7, 1.1)); n],
             stiffness: zeros(),
             damping: zeros(),
         },

@@ -179,6 +179,6 @@ pub(super) fn lightest(system: &System) -> f64 {
 pub(super) fn field(system: &System) -> Vec<Vector3<f64>> {
     // Multiples of the golden ratio, modulo 1, are spread evenly and never repeat.
     let spread = |n: usize| 2.0 * ((n as f64 * 0.618_033_988_749_895) % 1.0) - 1.0;
-    let vector = |p| Vector3::from_fn(|axis, _| if axis < system.dimension() { spread(3 * p + axis + 1) } else { 0.0 });
-    (0..system.particles()).map(vector).collect()
+    let vector = |p| Vector3::from_fn(|axis, _| spread(3 * p + axis + 1));
+    (0..system.particles()).map(|p| Axes::first(system.dimension()).project(&vector(p))).collect()
 }
