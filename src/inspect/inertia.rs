@@ -328,7 +328,7 @@ pub(super) fn largest_at_particle(
 
 /// `C = S A S` with powers of two on the diagonal of S, three rounds of dividing rows and columns by the root of their
 /// largest entry (Ruiz 2001). An empty row stays.
-pub(super) fn equilibrated(a: &SymmetricMatrix) -> SymmetricMatrix {
+fn equilibrated(a: &SymmetricMatrix) -> SymmetricMatrix {
     let mut c = a.clone();
     let n = a.order();
     let (mut largest, mut scaling) = (vec![0.0; n], vec![0.0; n]);

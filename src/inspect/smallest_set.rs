@@ -405,12 +405,6 @@ mod tests {
         assert_eq!(work, [1, 5, 5, 0]);
     }
 
-    #[test]
-    fn a_set_is_smallest_where_no_fewer_springs_are_enough() {
-        let of = |at_least| DropSet { springs: vec![3, 7], minimality: Minimality::Enough, at_least, tension: 9 };
-        assert_eq!([1, 2, 3].map(|at_least| of(at_least).is_smallest()), [false, true, true]);
-    }
-
     /// 128 terms are few enough to begin with all of them. Of 130, 121 of them necessary, the nine others are too few to be halved.
     #[test]
     fn a_wide_choice_is_halved() {

@@ -379,18 +379,4 @@ mod tests {
             assert!(checks.iter().all(|check| !check.is_judged || check.passed()));
         }
     }
-
-    #[cfg(feature = "scene")]
-    #[test]
-    fn gradients_of_the_built_in_scenes_are_right() {
-        let mut judged = 0;
-        for case in crate::verify::built_in().unwrap() {
-            for check in [adjoints, remainders].into_iter().flat_map(|family| family(&case).unwrap()) {
-                judged += usize::from(check.is_judged);
-                assert!(!check.is_judged || check.passed(), "{}, {}: {:e}", check.scene, check.name, check.value);
-            }
-        }
-        // At most one check in ten is left out.
-        assert!(judged > 260, "{judged}");
-    }
 }
