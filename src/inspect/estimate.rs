@@ -17,7 +17,7 @@
 use super::critical::{LargestStep, MatrixPencil, Property};
 use super::culprits::direction;
 use super::inertia::{Inertia, largest_at_particle, lightest};
-use super::inspection::{FirstAnswer, Inspection, Part, SkipReason, Skipped, index_of};
+use super::inspection::{FirstAnswer, Inspection, Part, SkipReason, index_of};
 use super::spectrum::{ROUNDING, Spectrum};
 use crate::eigen::{BlockLanczos, Eigenpair, End, Search, Tolerance, multigrid_for};
 use crate::error::Result;
@@ -42,8 +42,7 @@ impl Inspection {
         // Two bases of 26 vectors, multigrid beside them, and other vectors.
         memory::ensure(800 * system.dofs().len() as u64, "an estimate of eigenvalues")?;
         let extensions = SpringGeometry::at(system, state)?;
-        let mut found = Self::unknown(system, &extensions, dt, option);
-        found.skipped = Part::all().map(|part| Skipped { part, why }).collect();
+        let mut found = Self::unknown(system, &extensions, dt, option, why);
         let operator = |option| SystemOperator::new(system, &extensions, option, Combination::step(dt));
         let mut multigrid = multigrid_for(&operator(Stiffness::Tension), &state.positions);
         let mut options = Stiffness::ALL;

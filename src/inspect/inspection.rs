@@ -158,8 +158,14 @@ pub struct Inspection {
 pub(super) const DIRECTIONS: usize = 24;
 
 impl Inspection {
-    /// Nothing is known yet.
-    pub(super) fn unknown(system: &System, extensions: &SpringGeometry, dt: f64, option: Stiffness) -> Self {
+    /// Nothing is known, for a reason.
+    pub(super) fn unknown(
+        system: &System,
+        extensions: &SpringGeometry,
+        dt: f64,
+        option: Stiffness,
+        why: SkipReason,
+    ) -> Self {
         let compressed = extensions.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at));
         let unknown = |option| OptionInspection {
             option,
@@ -184,7 +190,7 @@ impl Inspection {
             clusters: Vec::new(),
             turn: None,
             smallest_set: None,
-            skipped: Vec::new(),
+            skipped: Part::all().map(|part| Skipped { part, why }).collect(),
             estimated: Vec::new(),
             work: Work::default(),
             par: Par::Seq,
@@ -354,7 +360,7 @@ mod tests {
         let (system, state) = chain(1, 1.25);
         let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let fold = |lowest: &[f64], [negative, zero, positive]: [usize; 3]| {
-            let mut found = Inspection::unknown(&system, &extensions, 0.1, Stiffness::Tension);
+            let mut found = Inspection::unknown(&system, &extensions, 0.1, Stiffness::Tension, SkipReason::Interrupted);
             let pair = |&value: &f64| Eigenpair { value, vector: Vec::new(), residual: 0.0 };
             found.spectrum.lowest = lowest.iter().map(pair).collect();
             let inertia = &mut found.options[index_of(Stiffness::Tension)].inertia;
