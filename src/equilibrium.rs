@@ -225,7 +225,6 @@ const NEAR: f64 = 1e-3;
 /// Shifted steps in a row that have to halve the residual.
 const PATIENCE: usize = 20;
 
-/// Halvings of a step at most.
 const HALVINGS: usize = 50;
 
 /// Part of the terms of E below which its differences are taken from forces: far above rounding, far below what the rule neglects.
@@ -237,7 +236,6 @@ const ROUNDING: f64 = 1e-11;
 /// An eigenvalue of −K counts as zero up to this part of ‖K‖.
 const ZERO: f64 = 1e-11;
 
-/// Saddles that a search leaves at most.
 const SADDLES: usize = 50;
 
 /// The solver for directions of Newton's method.

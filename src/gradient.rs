@@ -384,7 +384,6 @@ impl<'s> DifferentiableRun<'s> {
     }
 }
 
-/// The way forwards.
 struct Forward<'s> {
     stepper: Option<BackwardEuler<'s>>,
     here: Record,

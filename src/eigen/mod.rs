@@ -170,7 +170,6 @@ impl<'m> BlockLanczos<'m> {
         Self { n, masses, end, wanted, block, basis, products, projected, size: 0, rng }
     }
 
-    /// Adds start vectors.
     pub fn start<'v>(&mut self, vectors: impl IntoIterator<Item = &'v [f64]>, apply: &mut Product<'_>) {
         let columns: Vec<_> = vectors.into_iter().map(DVector::from_column_slice).collect();
         if !columns.is_empty() {

@@ -80,7 +80,6 @@ impl<'r, 's> Reverse<'r, 's> {
         self.sweep(from, middle, &there.here, room)
     }
 
-    /// One step backwards.
     pub(super) fn step(&mut self, step: usize, before: Option<&Record>, here: &Record, next: &Record) -> Result<()> {
         self.run.check_interrupt(step, here.state.time)?;
         if self.run.method == Method::Verlet {

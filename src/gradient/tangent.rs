@@ -23,7 +23,6 @@ struct Tangent<'r> {
     before: StateChange,
 }
 
-/// A core step from `base` to `solved`.
 struct Core {
     tau: f64,
     beta: f64,
@@ -44,7 +43,6 @@ impl<'r, 's> Tangents<'r, 's> {
         self.tangents.iter().map(|tangent| &tangent.now)
     }
 
-    /// One step.
     pub(super) fn step(&mut self, step: usize, before: Option<&Record>, [here, next]: [&Record; 2]) -> Result<()> {
         let Self { run, jacobian, tangents } = self;
         let system = run.system;

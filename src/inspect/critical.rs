@@ -99,7 +99,6 @@ pub(super) struct MatrixPencil<'s> {
     /// G, for the curvature along a vector.
     damping: SystemOperator<'s>,
     product: Vec<f64>,
-    /// m of every degree of freedom.
     masses: Vec<f64>,
 }
 

@@ -78,7 +78,6 @@ impl Inspection {
         Ok(found)
     }
 
-    /// Sets the answer of the quick check.
     fn answer(&mut self, system: &System, extensions: &SpringGeometry, a: &SystemOperator<'_>, pair: &Eigenpair) {
         let is_indefinite = pair.value < -ROUNDING * proven_ceiling(a);
         let is_proven = is_indefinite || proves_definite(a);
@@ -172,7 +171,6 @@ fn proven_ceiling(a: &SystemOperator<'_>) -> f64 {
     largest_at_particle(a, |mass| a.mass_factor() * mass, |block| block.norm(), highest, |sum, _| sum)
 }
 
-/// The blocks prove that A is positive definite.
 fn proves_definite(a: &SystemOperator<'_>) -> bool {
     let floor = proven_floor(a);
     floor > ROUNDING * proven_ceiling(a) && floor.is_finite()

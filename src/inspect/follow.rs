@@ -230,7 +230,6 @@ impl<'s> Follower<'s> {
         (!is_passive).then_some(Gain { gained, exchanged })
     }
 
-    /// The properties of a state.
     fn look_at(&mut self, step: u64, state: &State) -> Result<(), DegenerateSpring> {
         if self.first.definite.is_none() {
             self.first.definite = self.definiteness.look(step, state)?;

@@ -40,7 +40,6 @@ pub enum Part {
 }
 
 impl Part {
-    /// Every part, in no particular order.
     pub(super) fn all() -> impl Iterator<Item = Self> {
         let of_each = [Self::Signs, Self::Spectrum, Self::Definite, Self::Stable];
         [Self::FirstAnswer, Self::GrowingModes, Self::SmallestSet, Self::Curve]
@@ -150,7 +149,6 @@ pub struct Inspection {
     pub estimated: Vec<Part>,
     /// The work of the inspection.
     pub work: Work,
-    /// Parallelism of the factorizations.
     pub(super) par: Par,
 }
 
@@ -260,7 +258,6 @@ impl Inspection {
     }
 }
 
-/// The index of an option in [`Stiffness::ALL`].
 pub(super) fn index_of(option: Stiffness) -> usize {
     match option {
         Stiffness::Full => 0,

@@ -147,7 +147,6 @@ impl<'s> Inspector<'s> {
         (operator, a)
     }
 
-    /// The facts about A under `Full` for the limit of its definiteness.
     fn known(&self) -> KnownOfLimit {
         let is_counted = !self.found.lacks(Part::GrowingModes);
         let lowest = self.found.spectrum.lowest.first().filter(|_| self.found.option == Stiffness::Full);
@@ -353,7 +352,6 @@ impl Budget {
         is_affordable
     }
 
-    /// The share of the work that is done, from 0 to 1.
     fn share(&self) -> f64 {
         (self.spent / self.whole.max(1.0)).min(1.0)
     }

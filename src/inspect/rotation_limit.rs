@@ -178,7 +178,6 @@ pub struct RotationLimit<'s> {
     oracle: Oracle,
     /// The option and dt of the matrix that is factored.
     factored: Option<(Stiffness, f64)>,
-    /// m of every degree of freedom.
     masses: Vec<f64>,
     /// `g + f_el`, full-length.
     force: Vec<Vector3<f64>>,

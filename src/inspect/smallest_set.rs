@@ -167,7 +167,6 @@ impl<'s> Trial<'s> {
         self.oracle.is_definite(&self.operator, work)
     }
 
-    /// The terms of all active springs.
     fn terms(&mut self) -> Vec<Term> {
         self.operator.update(self.extensions, Stiffness::Tension, self.combination);
         let necessity = Necessity::new(&self.operator, &self.oracle.pattern);
@@ -341,7 +340,6 @@ fn choose(h: &DMatrix<f64>, owners: &[usize], count: usize, most: f64) -> (Vec<u
     (if other.len() < order.len() { other } else { order }, Minimality::Irredundant)
 }
 
-/// Two unit vectors across n.
 fn across(n: &Vector3<f64>) -> [Vector3<f64>; 2] {
     let axis = Vector3::ith(n.iamin(), 1.0);
     let first = n.cross(&axis).normalize();

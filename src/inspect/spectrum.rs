@@ -29,7 +29,6 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
-    /// An unknown spectrum.
     pub(super) fn unknown() -> Self {
         let anywhere = [f64::NEG_INFINITY, f64::INFINITY];
         let (lowest, largest, condition) = (Vec::new(), f64::NAN, f64::NAN);
@@ -47,7 +46,6 @@ impl Spectrum {
     }
 }
 
-/// The largest order of a matrix that is diagonalised whole.
 pub(super) const LARGEST_DENSE: usize = 240;
 
 /// The lowest `wanted` eigenpairs (all, for a small matrix), the largest eigenvalue and the condition number. `inertia` is that of A.
@@ -59,7 +57,6 @@ pub fn spectrum(a: &SymmetricMatrix, inertia: &Inertia, wanted: usize, par: Par,
     Ok(spectrum_with(&mut Ldlt::analyse(a.pattern(), par)?, a, inertia, wanted, &mut Known::nothing(a), work))
 }
 
-/// Facts about A before its spectrum is computed.
 pub(super) struct Known<'a> {
     /// A, by its fastest products.
     pub products: &'a dyn LinearOperator,
@@ -160,7 +157,6 @@ fn diagonalise(a: &SymmetricMatrix) -> Option<SymmetricEigen<f64, Dyn>> {
     SymmetricEigen::try_new(matrix, f64::EPSILON, 100 * n)
 }
 
-/// All eigenpairs of a small matrix.
 fn dense(a: &SymmetricMatrix, inertia: &Inertia, norm: f64) -> Option<Spectrum> {
     let n = a.order();
     let eigen = diagonalise(a)?;

@@ -27,7 +27,6 @@ pub(super) fn ratio(error: f64, unit: f64) -> f64 {
     if error == 0.0 { 0.0 } else { error / unit }
 }
 
-/// Number of entries in a table.
 const TABLE_ROWS: usize = 10;
 
 /// The verdict on an entry whose derivative is lost in rounding.

@@ -21,7 +21,6 @@ use crate::system::{Dof, State, System};
 use nalgebra::Vector3;
 use nalgebra_sparse::CscMatrix;
 
-/// Number of random directions.
 const DIRECTIONS: u64 = 4;
 
 /// The elastic force against its energy, and G against the damping force.

@@ -103,7 +103,6 @@ fn step(case: &TestCase) -> f64 {
     convergence::coarsest(case).min(0.9 * case.time_to_kink() / STEPS as f64)
 }
 
-/// The power of the springs, in W.
 fn elastic_power(system: &System, state: &State) -> f64 {
     let links = reference::links(system, &state.positions);
     links.iter().map(|link| link.elastic_force().dot(&link.difference(&state.velocities))).sum()
@@ -123,7 +122,6 @@ fn constraint_powers(system: &System, state: &State) -> Vec<f64> {
     prescribed.iter().map(power).collect()
 }
 
-/// The power that damping dissipates, in W.
 fn damping_power(system: &System, state: &State) -> f64 {
     let links = reference::links(system, &state.positions);
     let power = |link: &Link| {

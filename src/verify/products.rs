@@ -30,7 +30,6 @@ use std::sync::Arc;
 /// Units of rounding that a product may differ by: about ten rounded terms a spring, and as many in its block and its sums.
 const UNITS: f64 = 30.0;
 
-/// Number of random vectors.
 const VECTORS: u64 = 4;
 
 /// Products and refill of A, for every option.

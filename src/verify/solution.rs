@@ -297,7 +297,6 @@ impl Residual {
     }
 }
 
-/// The rounded sum and its rounding error.
 fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     let of_b = sum - a;
@@ -309,7 +308,6 @@ pub(super) fn largest(values: &[f64]) -> f64 {
     worst(values.iter().map(|value| value.abs()).chain([0.0]))
 }
 
-/// The maximum norm of a matrix.
 pub(super) fn norm_inf(a: &CscMatrix<f64>) -> f64 {
     let mut sums = vec![0.0; a.nrows()];
     a.triplet_iter().for_each(|(row, _, value)| sums[row] += value.abs());

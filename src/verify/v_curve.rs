@@ -32,7 +32,6 @@ use nalgebra::{Matrix3, Vector3};
 #[derive(Debug, Clone, Copy)]
 struct Point {
     h: f64,
-    /// The measured error.
     error: f64,
     /// The largest error that analysis allows.
     allowed: f64,
