@@ -497,7 +497,7 @@ impl<'s> Search<'s> {
         let left = self.residual() * self.acting;
         let shortest =
             self.geometry.iter().map(|at| at.length).filter(|length| *length > 0.0).fold(f64::INFINITY, f64::min);
-        ZERO * norm_of(a) + 10.0 * left / shortest
+        ZERO * Pencil::of(a).norm() + 10.0 * left / shortest
     }
 
     /// The direction of the lowest eigenvalue of −K, where that is negative, at an equilibrium or on the way to one, where E falls along it however much
@@ -505,7 +505,7 @@ impl<'s> Search<'s> {
     fn unstable_direction(&mut self, is_at_rest: bool) -> Result<Option<Vec<f64>>> {
         self.lowest = None;
         let a = self.assemble(Stiffness::Full)?;
-        let band = if is_at_rest { self.zero_band(&a) } else { ZERO * norm_of(&a) };
+        let band = if is_at_rest { self.zero_band(&a) } else { ZERO * Pencil::of(&a).norm() };
         if a.order() == 0 || self.factor(&a) {
             return Ok(None);
         }
@@ -560,10 +560,6 @@ impl<'s> Search<'s> {
             state: self.state,
         }
     }
-}
-
-fn norm_of(a: &SymmetricMatrix) -> f64 {
-    a.norm_inf(&mut vec![0.0; a.order()])
 }
 
 impl Equilibrium {

@@ -149,12 +149,7 @@ const RECURRENCE: f64 = 1e-11;
 
 fn diagonalise(a: &SymmetricMatrix) -> Option<SymmetricEigen<f64, Dyn>> {
     let n = a.order();
-    let mut matrix = DMatrix::zeros(n, n);
-    for (row, column, value) in a.iter() {
-        matrix[(row, column)] = value;
-        matrix[(column, row)] = value;
-    }
-    SymmetricEigen::try_new(matrix, f64::EPSILON, 100 * n)
+    SymmetricEigen::try_new(DMatrix::from(&a.to_csc()), f64::EPSILON, 100 * n)
 }
 
 fn dense(a: &SymmetricMatrix, inertia: &Inertia, norm: f64) -> Option<Spectrum> {

@@ -10,7 +10,7 @@ use super::coloring::{ColumnGroups, evaluate_moved};
 use super::comparison::{WorstEntries, check_square};
 use super::dual::{damping_turns, force_against_energy};
 use super::force_error::{ForceError, SECOND, U};
-use super::free_coordinates::{damping_force, elastic_energy, elastic_force, random_vector, reduce};
+use super::free_coordinates::{VECTORS, damping_force, elastic_energy, elastic_force, random_vector, reduce};
 use super::reference::{self, Link, active_links, field, sizes};
 use crate::error::{Result, check_length};
 use crate::force::{Energy, SpringGeometry, add_elastic_force, add_weight};
@@ -20,8 +20,6 @@ use crate::spring::Stiffness;
 use crate::system::{Dof, State, System};
 use nalgebra::Vector3;
 use nalgebra_sparse::CscMatrix;
-
-const DIRECTIONS: u64 = 4;
 
 /// The elastic force against its energy, and G against the damping force.
 pub(super) fn derivatives(case: &TestCase) -> Measured {
@@ -93,7 +91,7 @@ pub fn damping_dissipates(case: &TestCase, damping: &impl LinearOperator) -> Res
         });
         ratio(v.iter().zip(&f).map(|(v, f)| v * f).sum(), scale.sum())
     };
-    let value = worst((0..DIRECTIONS).map(power));
+    let value = worst((0..VECTORS).map(power));
     let why = "vᵀG v is a sum of −b (nᵀδv)², never positive, each rounded a few times: 32 u of Σ b δv²";
     Ok(Check::new(Claim::Consistency, "damping takes energy out", &case.name, value, 32.0 * U, why))
 }
@@ -113,7 +111,7 @@ pub fn energy_slope(case: &TestCase, mut energy: impl FnMut(&[f64]) -> f64, forc
     let error = ForceError::new(system, &state.positions)?;
     let x = reduce(system, &state.positions);
     let (mut value, mut relative) = (0.0, 0.0);
-    for seed in 0..DIRECTIONS {
+    for seed in 0..VECTORS {
         let w = error.direction(seed);
         let bounds = SlopeBounds::new(&error, state, &w, force);
         let h = (bounds.rounding(energy(&x)) / (2.0 * bounds.curvature)).cbrt();

@@ -16,7 +16,7 @@ use super::TestCase;
 use super::check::{Check, Claim, Measured};
 use super::comparison::{Entry, WorstEntries};
 use super::force_error::U;
-use super::free_coordinates::{random_vector, reduce};
+use super::free_coordinates::{VECTORS, random_vector, reduce};
 use super::reference::{self, Link};
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix, assemble_afresh};
 use crate::error::{Result, check_length};
@@ -29,8 +29,6 @@ use std::sync::Arc;
 
 /// Units of rounding that a product may differ by: about ten rounded terms a spring, and as many in its block and its sums.
 const UNITS: f64 = 30.0;
-
-const VECTORS: u64 = 4;
 
 /// Products and refill of A, for every option.
 ///
