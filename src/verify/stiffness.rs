@@ -1,46 +1,19 @@
 //! K and the blocks of springs, entry by entry, against central differences of the force and against dual numbers.
 
 use super::TestCase;
-use super::check::{Check, Claim, Measured, worst};
+use super::check::{Check, Claim, worst};
 use super::coloring::{ColumnGroups, evaluate_moved};
 use super::comparison::{WorstEntries, check_square, explain_by_spring};
 use super::dual;
 use super::force_error::{ForceError, Step};
 use super::free_coordinates::{elastic_force, reduce};
-use super::jacobian::{JacobianOptions, check_jacobian};
 use super::reference::{Link, active_links};
-use super::v_curve::v_curve;
 use crate::error::Result;
 use crate::figure::Drawing;
-use crate::integrate::StepMatrices;
-use crate::spring::{Extension, Spring, Stiffness};
+use crate::spring::{Extension, Spring};
 use crate::system::Dof;
 use nalgebra::{Matrix3, Vector3};
 use nalgebra_sparse::CscMatrix;
-
-/// Free coordinates up to which every column is also measured on its own, trusting no pattern.
-const ONE_BY_ONE_LIMIT: usize = 120;
-
-/// K under the full stiffness along random directions, entry by entry, and spring by spring.
-pub(super) fn jacobian(case: &TestCase) -> Measured {
-    let TestCase { name, system, state, dt } = case;
-    let k = StepMatrices::assemble(system, state, Stiffness::Full, *dt)?.k;
-    let block =
-        |spring: &Spring, at: &Extension| -> Matrix3<f64> { spring.stiffness_block(at, Stiffness::Full).matrix() };
-    let mut checks = v_curve(case, &k)?;
-    checks.push(stiffness_entries(case, &k.to_csc())?);
-    checks.push(stiffness_against_duals(case, &k.to_csc())?);
-    checks.extend(spring_blocks(case, block));
-    if system.dofs().len() <= ONE_BY_ONE_LIMIT {
-        let options = JacobianOptions { springs: Some((system, state)), ..JacobianOptions::default() };
-        let report = check_jacobian(elastic_force(system, state), &k, &reduce(system, &state.positions), &options)?;
-        checks.push(match report.unmeasurable() {
-            Some(reason) => Check::not_judged(Claim::Jacobian, "Jacobian against its force", name, reason),
-            None => report.to_check(name),
-        });
-    }
-    Ok(checks)
-}
 
 /// Compares every entry of K with the central difference of the elastic force, columns that share no row at once.
 ///
@@ -240,6 +213,8 @@ fn difference_block(spring: &Spring, link: &Link, [xi, xj]: [Vector3<f64>; 2]) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::integrate::StepMatrices;
+    use crate::spring::Stiffness;
     use crate::verify::fixtures::{assert_faults_are_found, bent, wrong_stiffness};
 
     /// Against central differences, and against `k/l0 nnᵀ + k (1/l0 − 1/l) (I − nnᵀ)`.

@@ -1,4 +1,4 @@
-//! K w against central differences over all steps h: the V-curve.
+//! The families of checks of K, and K w against central differences over all steps h: the V-curve.
 //!
 //! On logarithmic axes the error falls with slope +2 as h shrinks, `h² f'''/6`, until rounding takes over with slope
 //! −1, `ρ/h`. A right K shows both slopes and a floor as low as analysis says; a wrong K shows a plateau at the size of
@@ -17,16 +17,41 @@ use super::check::{Check, Claim, Measured, ratio, worst};
 use super::dual;
 use super::force_error::{ForceError, SECOND, U};
 use super::free_coordinates::{elastic_force, reduce};
+use super::jacobian::{JacobianOptions, check_jacobian};
 use super::reference::{Link, active_links, links, sizes};
-use super::stiffness::against_blocks;
+use super::stiffness::{against_blocks, spring_blocks, stiffness_against_duals, stiffness_entries};
 use crate::assembly::SymmetricMatrix;
 use crate::error::{Result, check_length};
 use crate::figure::{Guide, Plot, Series};
 use crate::integrate::StepMatrices;
 use crate::operator::LinearOperator;
-use crate::spring::Stiffness;
+use crate::spring::{Extension, Spring, Stiffness};
 use crate::system::System;
 use nalgebra::{Matrix3, Vector3};
+
+/// Free coordinates up to which every column is also measured on its own, trusting no pattern.
+const ONE_BY_ONE_LIMIT: usize = 120;
+
+/// K under the full stiffness along random directions, entry by entry, and spring by spring.
+pub(super) fn jacobian(case: &TestCase) -> Measured {
+    let TestCase { name, system, state, dt } = case;
+    let k = StepMatrices::assemble(system, state, Stiffness::Full, *dt)?.k;
+    let block =
+        |spring: &Spring, at: &Extension| -> Matrix3<f64> { spring.stiffness_block(at, Stiffness::Full).matrix() };
+    let mut checks = v_curve(case, &k)?;
+    checks.push(stiffness_entries(case, &k.to_csc())?);
+    checks.push(stiffness_against_duals(case, &k.to_csc())?);
+    checks.extend(spring_blocks(case, block));
+    if system.dofs().len() <= ONE_BY_ONE_LIMIT {
+        let options = JacobianOptions { springs: Some((system, state)), ..JacobianOptions::default() };
+        let report = check_jacobian(elastic_force(system, state), &k, &reduce(system, &state.positions), &options)?;
+        checks.push(match report.unmeasurable() {
+            Some(reason) => Check::not_judged(Claim::Jacobian, "Jacobian against its force", name, reason),
+            None => report.to_check(name),
+        });
+    }
+    Ok(checks)
+}
 
 /// A point of the curve: the worst of all directions.
 #[derive(Debug, Clone, Copy)]
