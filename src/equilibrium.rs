@@ -31,14 +31,15 @@ pub use load_path::{CriticalKind, CriticalLoad, LoadPath, load_path};
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::{Accuracy, Pencil, ShiftInvert};
 use crate::error::{Error, Invalid, Result, check_length};
-use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
+use crate::force::{SpringGeometry, add_elastic_force};
 use crate::gradient::{Parameters, Point};
 use crate::integrate::{Matrices, Projection, StiffnessPolicy};
 use crate::linear::{Cholesky, Ldlt, dot};
+use crate::modes::loads_at_rest;
 use crate::operator::LinearOperator;
 use crate::rigid::bodies;
 use crate::spring::Stiffness;
-use crate::system::{State, StateView, System};
+use crate::system::{Axes, State, System};
 use crate::work::Work;
 use iterative::Iterative;
 use nalgebra::Vector3;
@@ -203,10 +204,7 @@ fn falling(system: &System, state: &State, load: f64) -> Vec<usize> {
 
 /// Weight and loads on every particle at rest, times a factor, in N.
 fn loads(system: &System, state: &State, factor: f64) -> Vec<Vector3<f64>> {
-    let rest = vec![Vector3::zeros(); system.particles()];
-    let mut forces = rest.clone();
-    add_weight(system, &mut forces);
-    add_external_forces(system, &StateView { velocities: &rest, ..state.moment() }, &mut forces);
+    let mut forces = loads_at_rest(system, state);
     forces.iter_mut().for_each(|f| *f *= factor);
     forces
 }
@@ -227,7 +225,6 @@ const NEAR: f64 = 1e-3;
 /// Shifted steps in a row that have to halve the residual.
 const PATIENCE: usize = 20;
 
-/// Halvings of a step at most.
 const HALVINGS: usize = 50;
 
 /// Part of the terms of E below which its differences are taken from forces: far above rounding, far below what the rule neglects.
@@ -239,7 +236,6 @@ const ROUNDING: f64 = 1e-11;
 /// An eigenvalue of −K counts as zero up to this part of ‖K‖.
 const ZERO: f64 = 1e-11;
 
-/// Saddles that a search leaves at most.
 const SADDLES: usize = 50;
 
 /// The solver for directions of Newton's method.
@@ -501,7 +497,7 @@ impl<'s> Search<'s> {
         let left = self.residual() * self.acting;
         let shortest =
             self.geometry.iter().map(|at| at.length).filter(|length| *length > 0.0).fold(f64::INFINITY, f64::min);
-        ZERO * norm_of(a) + 10.0 * left / shortest
+        ZERO * Pencil::of(a).norm() + 10.0 * left / shortest
     }
 
     /// The direction of the lowest eigenvalue of −K, where that is negative, at an equilibrium or on the way to one, where E falls along it however much
@@ -509,7 +505,7 @@ impl<'s> Search<'s> {
     fn unstable_direction(&mut self, is_at_rest: bool) -> Result<Option<Vec<f64>>> {
         self.lowest = None;
         let a = self.assemble(Stiffness::Full)?;
-        let band = if is_at_rest { self.zero_band(&a) } else { ZERO * norm_of(&a) };
+        let band = if is_at_rest { self.zero_band(&a) } else { ZERO * Pencil::of(&a).norm() };
         if a.order() == 0 || self.factor(&a) {
             return Ok(None);
         }
@@ -566,10 +562,6 @@ impl<'s> Search<'s> {
     }
 }
 
-fn norm_of(a: &SymmetricMatrix) -> f64 {
-    a.norm_inf(&mut vec![0.0; a.order()])
-}
-
 impl Equilibrium {
     /// The derivatives of a cost by parameters, from its derivatives `∂J/∂x` by the positions at the equilibrium. Of positions, those of held coordinates
     /// count; damping and velocities are zero.
@@ -608,9 +600,8 @@ impl Equilibrium {
         result.loads.iter_mut().for_each(|f| *f *= self.load);
         // Held coordinates move f by their stiffness, and J directly.
         for (p, (moved, direct)) in moved.iter().zip(positions).enumerate() {
-            let free = dofs.free_axes(p);
-            result.positions[p] =
-                Vector3::from_fn(|axis, _| if free.contains(axis) { 0.0 } else { moved[axis] + direct[axis] });
+            let total = Vector3::from_fn(|axis, _| moved[axis] + direct[axis]);
+            result.positions[p] = Axes::ALL.without(dofs.free_axes(p)).project(&total);
         }
         Ok(result)
     }

@@ -28,6 +28,7 @@ mod tangent;
 
 pub use parameters::Parameters;
 pub(crate) use parameters::Point;
+pub(crate) use tangent::of_free;
 
 use self::reverse::{Reverse, Snapshot, split};
 use self::tangent::Tangents;
@@ -85,7 +86,7 @@ pub type StateChange = [Vec<Vector3<f64>>; 2];
 #[derive(Debug, Clone)]
 pub struct DifferentiableRun<'s> {
     system: &'s System,
-    scheme: Scheme,
+    method: Method,
     lengths: Vec<f64>,
     /// All states, or the first and the last.
     records: Vec<Record>,
@@ -93,15 +94,6 @@ pub struct DifferentiableRun<'s> {
     snapshots: Vec<Snapshot>,
     checkpoints: usize,
     interrupt: Interrupt,
-}
-
-/// The methods that have an adjoint here.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Scheme {
-    BackwardEuler,
-    ImplicitMidpoint,
-    Bdf2,
-    Verlet,
 }
 
 /// A state, and the acceleration that Verlet's method carries.
@@ -157,22 +149,16 @@ impl<'s> DifferentiableRun<'s> {
             let record = 2 * 72 * system.particles() as u64 + 200;
             (memory::room() / 2 / record).min(usize::MAX as u64) as usize
         });
-        let scheme = match method {
-            Method::BackwardEuler => Scheme::BackwardEuler,
-            Method::ImplicitMidpoint => Scheme::ImplicitMidpoint,
-            Method::Bdf2 => Scheme::Bdf2,
-            Method::Verlet => Scheme::Verlet,
-            _ => {
-                let rule = "has no gradient; backward-euler, implicit-midpoint, bdf2 and verlet have one";
-                return Err(Invalid::new("method", method.name(), rule).into());
-            }
-        };
+        if !matches!(method, Method::BackwardEuler | Method::ImplicitMidpoint | Method::Bdf2 | Method::Verlet) {
+            let rule = "has no gradient; backward-euler, implicit-midpoint, bdf2 and verlet have one";
+            return Err(Invalid::new("method", method.name(), rule).into());
+        }
         if system.has_other_laws() || system.external_forces().next().is_some() {
             return Err(Error::Unsupported(
                 "gradients are those of the built-in spring law and of loads of the scene".into(),
             ));
         }
-        if scheme == Scheme::Verlet && system.prescribed().moves() && system.is_damped() {
+        if method == Method::Verlet && system.prescribed().moves() && system.is_damped() {
             return Err(Error::Unsupported(
                 "verlet has no gradient with damping and moving constraints; bdf2 has one".into(),
             ));
@@ -197,7 +183,7 @@ impl<'s> DifferentiableRun<'s> {
             *last = duration - dt * (count - 1) as f64;
         }
         let mut run =
-            Self { system, scheme, lengths, records: Vec::new(), snapshots: Vec::new(), checkpoints, interrupt };
+            Self { system, method, lengths, records: Vec::new(), snapshots: Vec::new(), checkpoints, interrupt };
         let mut forward = Forward::new(&run, state)?;
         let keeps_all = count < checkpoints;
         run.records.push(forward.here.clone());
@@ -206,7 +192,7 @@ impl<'s> DifferentiableRun<'s> {
             if !keeps_all && step == next {
                 let Forward { here, before, .. } = &forward;
                 // Only BDF2 uses the state before.
-                let before = before.clone().filter(|_| scheme == Scheme::Bdf2);
+                let before = before.clone().filter(|_| method == Method::Bdf2);
                 run.snapshots.push(Snapshot { step, here: here.clone(), before });
                 next += split(count - step, checkpoints + 1 - run.snapshots.len());
             }
@@ -243,15 +229,9 @@ impl<'s> DifferentiableRun<'s> {
     /// As of [`Simulation::run`].
     pub fn predictable_until(&self) -> Result<Option<f64>> {
         let (Some(&dt), Some(first)) = (self.lengths.first(), self.records.first()) else { return Ok(None) };
-        let method = match self.scheme {
-            Scheme::BackwardEuler => Method::BackwardEuler,
-            Scheme::ImplicitMidpoint => Method::ImplicitMidpoint,
-            Scheme::Bdf2 => Method::Bdf2,
-            Scheme::Verlet => Method::Verlet,
-        };
         let duration = self.lengths.iter().sum();
         let options = RunOptions { interrupt: self.interrupt, ..RunOptions::default() };
-        let run = Simulation::new(self.system, first.state.clone()).options(options).method(method).dt(dt);
+        let run = Simulation::new(self.system, first.state.clone()).options(options).method(self.method).dt(dt);
         let run = run.run(duration)?;
         Ok(run.predictable_until)
     }
@@ -360,13 +340,13 @@ impl<'s> DifferentiableRun<'s> {
     /// The time step of a core, and β of BDF2, where a step begins.
     fn core(&self, step: usize) -> [f64; 2] {
         let h = self.lengths[step];
-        match self.scheme {
-            Scheme::BackwardEuler | Scheme::Verlet => [h, 0.0],
-            Scheme::ImplicitMidpoint => [0.5 * h, 0.0],
-            Scheme::Bdf2 => {
+        match self.method {
+            Method::ImplicitMidpoint => [0.5 * h, 0.0],
+            Method::Bdf2 => {
                 let omega = step.checked_sub(1).map_or(0.0, |before| h / self.lengths[before]);
                 [h * (1.0 + omega) / (1.0 + 2.0 * omega), omega * omega / (1.0 + 2.0 * omega)]
             }
+            _ => [h, 0.0],
         }
     }
 
@@ -375,7 +355,7 @@ impl<'s> DifferentiableRun<'s> {
         let [tau, beta] = self.core(step);
         let mut base = here.clone();
         base.time = here.time + self.lengths[step] - tau;
-        if self.scheme == Scheme::ImplicitMidpoint {
+        if self.method == Method::ImplicitMidpoint {
             base.time = here.time;
         }
         if let Some(Record { state: before, .. }) = before.filter(|_| beta != 0.0) {
@@ -391,7 +371,7 @@ impl<'s> DifferentiableRun<'s> {
     fn solved(&self, step: usize, base: &State, here: &State, next: &State) -> State {
         let [tau, _] = self.core(step);
         let mut solved = next.clone();
-        if self.scheme == Scheme::ImplicitMidpoint {
+        if self.method == Method::ImplicitMidpoint {
             solved.time = base.time + tau;
             solved.positions.iter_mut().zip(&here.positions).for_each(|(x, before)| *x = (*x + before) * 0.5);
             // A path may have a corner within the step.
@@ -404,7 +384,6 @@ impl<'s> DifferentiableRun<'s> {
     }
 }
 
-/// The way forwards.
 struct Forward<'s> {
     stepper: Option<BackwardEuler<'s>>,
     here: Record,
@@ -416,7 +395,7 @@ impl<'s> Forward<'s> {
         let system = run.system;
         SpringGeometry::at(system, start)?;
         let mut acceleration = Vec::new();
-        let stepper = if run.scheme == Scheme::Verlet {
+        let stepper = if run.method == Method::Verlet {
             acceleration = accelerations(system, start)?;
             None
         } else {
@@ -461,7 +440,7 @@ impl<'s> Forward<'s> {
                 let [tau, _] = run.core(step);
                 let mut solved = run.base(step, self.before.as_ref(), &here.state);
                 stepper.step(&mut solved, tau).map_err(|failure| broken(step, here.state.time, &failure))?;
-                if run.scheme == Scheme::ImplicitMidpoint {
+                if run.method == Method::ImplicitMidpoint {
                     let start = &here.state;
                     for (middle, start) in
                         [(&mut solved.positions, &start.positions), (&mut solved.velocities, &start.velocities)]
@@ -490,11 +469,8 @@ fn broken(step: usize, time: f64, failure: &StepFailure) -> Error {
 fn accelerations(system: &System, state: &State) -> Result<Vec<Vector3<f64>>, DegenerateSpring> {
     let mut force = vec![Vector3::zeros(); system.particles()];
     set_total_force(system, &state.moment(), &mut force)?;
-    for (p, (f, mass)) in force.iter_mut().zip(system.masses()).enumerate() {
-        let free = system.dofs().free_axes(p);
-        *f = Vector3::from_fn(|axis, _| if free.contains(axis) { f[axis] / mass } else { 0.0 });
-    }
-    Ok(force)
+    force.iter_mut().zip(system.masses()).for_each(|(f, mass)| *f /= *mass);
+    Ok(of_free(system, &force))
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@ use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
 use crate::linear::{Ldlt, dot, norm};
 use crate::memory;
-use crate::rigid::rigid_motions;
+use crate::rigid::{combination, rigid_motions};
 use crate::system::{DofMap, State, System};
 use crate::work::Work;
 use faer::diag::Diag;
@@ -356,17 +356,20 @@ impl Directions<'_> {
     }
 }
 
-/// An orthonormal basis of the span of some vectors, by Gram and Schmidt, twice.
+/// Takes the parts in an orthonormal basis out of a vector, by Gram and Schmidt, twice.
+fn subtract_parts(vector: &mut [f64], basis: &[Vec<f64>]) {
+    for other in basis.iter().chain(basis) {
+        let part = dot(other, vector);
+        vector.iter_mut().zip(other).for_each(|(u, v)| *u -= part * v);
+    }
+}
+
+/// An orthonormal basis of the span of some vectors.
 fn orthonormal(vectors: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let mut basis: Vec<Vec<f64>> = Vec::new();
     for mut vector in vectors {
         let before = norm(&vector);
-        for _ in 0..2 {
-            for other in &basis {
-                let part = dot(other, &vector);
-                vector.iter_mut().zip(other).for_each(|(u, v)| *u -= part * v);
-            }
-        }
+        subtract_parts(&mut vector, &basis);
         let length = norm(&vector);
         if length > 1e-8 * before {
             vector.iter_mut().for_each(|u| *u /= length);
@@ -379,25 +382,11 @@ fn orthonormal(vectors: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
 /// A basis of what vectors leave when their parts in an orthonormal basis are taken out: by the eigenvectors of their inner products.
 fn without(vectors: &[Vec<f64>], basis: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut rest = vectors.to_vec();
-    for vector in &mut rest {
-        for _ in 0..2 {
-            for other in basis {
-                let part = dot(other, vector);
-                vector.iter_mut().zip(other).for_each(|(u, v)| *u -= part * v);
-            }
-        }
-    }
+    rest.iter_mut().for_each(|vector| subtract_parts(vector, basis));
     let gram = DMatrix::from_fn(rest.len(), rest.len(), |k, l| dot(&rest[k], &rest[l]));
     let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(gram);
     let kept = (0..rest.len()).filter(|&k| eigenvalues[k] > 1e-6);
-    kept.map(|k| {
-        let mut sum = vec![0.0; rest[0].len()];
-        for (vector, factor) in rest.iter().zip(&eigenvectors.column(k)) {
-            sum.iter_mut().zip(vector).for_each(|(sum, u)| *sum += factor * u);
-        }
-        sum
-    })
-    .collect()
+    kept.map(|k| combination(&rest, eigenvectors.column(k))).collect()
 }
 
 /// The same space beside rigid motions with vectors as local as elimination makes them. Rigid motions are eliminated first, each by a coordinate at which
@@ -484,10 +473,7 @@ fn added_springs(system: &System, state: &State, mut motions: Vec<Vec<f64>>, mov
         let mut v = rates;
         v[0] += sign * size;
         let scale = 2.0 / dot(&v, &v);
-        let mut sum = vec![0.0; dofs.len()];
-        for (motion, factor) in motions.iter().zip(&v) {
-            sum.iter_mut().zip(motion).for_each(|(sum, u)| *sum += factor * u);
-        }
+        let sum = combination(&motions, &v);
         for (motion, factor) in motions.iter_mut().zip(&v) {
             motion.iter_mut().zip(&sum).for_each(|(u, sum)| *u -= scale * factor * sum);
         }

@@ -20,17 +20,18 @@
 mod hanging;
 
 use crate::assembly::SymmetricMatrix;
-use crate::eigen::{Accuracy, BlockLanczos, Eigenpair, End, Pencil, Search, ShiftInvert, Tolerance, enclosures};
+use crate::eigen::{
+    Accuracy, BlockLanczos, Eigenpair, End, Pencil, Search, ShiftInvert, Tolerance, enclosures, multigrid_for,
+};
 use crate::error::{Error, Invalid, Result, check_length};
 use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
 use crate::integrate::Matrices;
 use crate::linear::{CostModel, FactorSize, Ldlt, PreconditionerKind, dot};
 use crate::memory;
-use crate::multigrid::Multigrid;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
-use crate::rigid::{Body, bodies, rigid_motions};
+use crate::rigid::{Body, bodies, combination, rigid_motions};
 use crate::spring::Stiffness;
-use crate::system::{DofMap, State, System};
+use crate::system::{DofMap, State, StateView, System};
 use crate::work::Work;
 use faer::{Par, c64};
 use hanging::hanging;
@@ -104,7 +105,6 @@ pub struct Modes {
     /// Factorizations, solves and what else was done.
     pub work: Work,
     dofs: DofMap,
-    masses: Vec<f64>,
     damping: SymmetricMatrix,
 }
 
@@ -135,62 +135,85 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
     }
     let mut matrices = Matrices::new(system)?;
     matrices.update(state, Stiffness::Full)?;
-    let order = system.dofs().len();
-    let masses = matrices.masses().to_vec();
+    let (order, masses) = (system.dofs().len(), matrices.masses());
     let stiffness = matrices.k().scaled(-1.0);
-    let mut work = Work::default();
-    let zero = ZERO * weighted_norm(&stiffness, &masses);
+    let pencil = Pencil { masses: Some(masses), ..Pencil::of(&stiffness) };
     let geometry = SpringGeometry::at(system, state)?;
-    let rounding = Rounding { system, state, geometry: &geometry, of_sums: zero };
-    let rigid = unresisted(&stiffness, &masses, rigid_motions(system, &state.positions), &rounding);
+    let rounding = Rounding { system, state, geometry: &geometry, of_sums: ZERO * pencil.norm() };
+    let rigid = unresisted(&stiffness, masses, rigid_motions(system, &state.positions), &rounding);
     let rigid_motions = rigid.len();
-    let mut result = Modes {
-        modes: Vec::new(),
-        zero_modes: Vec::new(),
-        rigid_motions,
-        parts: loose_parts(system, state),
-        hanging: Vec::new(),
-        gap: [0.0, f64::INFINITY],
-        complete: true,
-        proven: true,
-        counted_below: f64::INFINITY,
-        imbalance: imbalance(system, state)?,
-        work,
-        dofs: system.dofs().clone(),
-        masses,
-        damping: matrices.g().clone(),
-    };
-    if order == 0 {
-        return Ok(result);
-    }
-    let masses = &result.masses;
+    let mut work = Work::default();
     let costs = CostModel::of(system);
     let most = WORTH_COUNTING * costs.iteration(PreconditionerKind::Multigrid);
     let is_worth = |size: FactorSize, bytes: u64| {
         costs.factorization(size) <= most && memory::ensure(bytes, "a factorization").is_ok()
     };
-    let plan = Ldlt::plan_if(stiffness.pattern(), Par::rayon(0), is_worth);
-    let Some(mut factorization) = plan.and_then(|plan| plan.allocate().ok()) else {
-        let wanted = (count + rigid_motions).min(order);
-        let pairs = uncounted(system, state, &stiffness, masses, &rigid, wanted, &mut work)?;
-        (result.complete, result.proven, result.counted_below) = (false, false, f64::NAN);
-        let bounds = enclosures(&Pencil { masses: Some(masses), ..Pencil::of(&stiffness) }, &pairs);
-        result.sort(pairs, &bounds, count, &rounding);
-        result.name_hanging(system);
-        result.work = work;
-        return Ok(result);
+    let plan = || Ldlt::plan_if(stiffness.pattern(), Par::rayon(0), is_worth)?.allocate().ok();
+    let factorization = if order > 0 { plan() } else { None };
+    let Found { pairs, bounds, complete, proven, counted_below } = match factorization {
+        None if order == 0 => Found { complete: true, proven: true, counted_below: f64::INFINITY, ..Found::default() },
+        Some(mut factorization) => {
+            work.symbolic_factorizations += 1;
+            counted(pencil, &mut factorization, rigid, count, &rounding, &mut work)?
+        }
+        None => {
+            let wanted = (count + rigid_motions).min(order);
+            let pairs = uncounted(system, state, &stiffness, masses, &rigid, wanted, &mut work)?;
+            Found { bounds: enclosures(&pencil, &pairs), pairs, counted_below: f64::NAN, ..Found::default() }
+        }
     };
-    work.symbolic_factorizations += 1;
-    let pencil = Pencil { masses: Some(masses), ..Pencil::of(&stiffness) };
-    let mut search = ShiftInvert::new(pencil, &mut factorization, &mut work);
+    let pairs = pairs.into_iter().zip(bounds);
+    let (zeros, others): (Vec<_>, Vec<_>) = pairs.partition(|(pair, _)| rounding.hides(pair));
+    let sizes = |pairs: &[(Eigenpair, f64)]| pairs.iter().map(|(pair, _)| pair.value.abs()).collect::<Vec<_>>();
+    let gap = [sizes(&zeros).into_iter().fold(0.0, f64::max), sizes(&others).into_iter().fold(f64::INFINITY, f64::min)];
+    let damping = matrices.g();
+    let mode = |(pair, bound): (Eigenpair, f64)| Mode::new(pair, bound, system.dofs(), masses, damping);
+    let zero_modes: Vec<Mode> = zeros.into_iter().map(mode).collect();
+    Ok(Modes {
+        modes: others.into_iter().take(count).map(mode).collect(),
+        rigid_motions,
+        parts: loose_parts(system, state),
+        hanging: if zero_modes.len() > rigid_motions { hanging(system) } else { Vec::new() },
+        zero_modes,
+        gap,
+        complete,
+        proven,
+        counted_below,
+        imbalance: imbalance(system, state)?,
+        work,
+        dofs: system.dofs().clone(),
+        damping: damping.clone(),
+    })
+}
+
+/// Pairs, ascending, with bounds of their errors; see [`Modes`].
+#[derive(Default)]
+struct Found {
+    pairs: Vec<Eigenpair>,
+    bounds: Vec<f64>,
+    complete: bool,
+    proven: bool,
+    counted_below: f64,
+}
+
+/// The lowest pairs, `count` of them not zero, with a count of the eigenvalues below the last one.
+fn counted(
+    pencil: Pencil<'_>,
+    factorization: &mut Ldlt,
+    rigid: Vec<Eigenpair>,
+    count: usize,
+    rounding: &Rounding<'_>,
+    work: &mut Work,
+) -> Result<Found> {
+    let (order, zero) = (pencil.a.order(), rounding.of_sums);
+    let mut wanted = (count + rigid.len()).min(order);
+    let mut search = ShiftInvert::new(pencil, factorization, work);
     search.known = rigid;
-    let is_zero = |pair: &Eigenpair| rounding.hides(pair);
-    let mut wanted = (count + rigid_motions).min(order);
     let mut pairs = loop {
         // Twice the space of the search.
         memory::ensure(32 * (wanted as u64 + 50) * order as u64, "the vectors of so many modes and zero modes")?;
         let pairs = search.lowest(wanted, Accuracy::FULL);
-        let zeros = pairs.iter().filter(|pair| is_zero(pair)).count();
+        let zeros = pairs.iter().filter(|pair| rounding.hides(pair)).count();
         if pairs.len() < wanted || wanted == order || pairs.len() - zeros >= count {
             break pairs;
         }
@@ -203,31 +226,27 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         wanted = (count + zeros).min(order);
         search.known = pairs;
     };
-    result.complete = search.edge.is_some() && !pairs.is_empty();
-    result.counted_below = search.edge.unwrap_or(f64::NAN);
-    let others = pairs.iter().enumerate().filter(|(_, pair)| !is_zero(pair)).map(|(k, _)| k);
-    let last = others.clone().nth(count - 1);
+    let mut complete = search.edge.is_some() && !pairs.is_empty();
+    let mut counted_below = search.edge.unwrap_or(f64::NAN);
+    let last = (0..pairs.len()).filter(|&k| !rounding.hides(&pairs[k])).nth(count - 1);
     // Modes beyond those asked for were found on the way: the count is that below the last one reported.
     if let Some(last) = last.filter(|last| last + 1 < pairs.len()) {
         pairs.truncate(last + 1);
         let value = pairs[last].value;
-        result.counted_below = value - (1e-6 * value.abs()).max(1e-12 * zero / ZERO);
-        let found = pairs.iter().filter(|pair| pair.value < result.counted_below).count();
-        result.complete = search.below(result.counted_below) == Some(found);
+        counted_below = value - (1e-6 * value.abs()).max(1e-12 * zero / ZERO);
+        let found = pairs.iter().filter(|pair| pair.value < counted_below).count();
+        complete = search.below(counted_below) == Some(found);
     }
-    let lowest = result.counted_below - search.count_error;
+    let lowest = counted_below - search.count_error;
     let mut bounds = enclosures(&pencil, &pairs);
-    let counted = pairs.iter().filter(|pair| pair.value < result.counted_below).count();
+    let counted = pairs.iter().filter(|pair| pair.value < counted_below).count();
     let is_below = |(pair, bound): (&Eigenpair, &f64)| pair.value + bound < lowest;
-    result.proven = result.complete && lowest.is_finite() && pairs.iter().zip(&bounds).take(counted).all(is_below);
+    let proven = complete && lowest.is_finite() && pairs.iter().zip(&bounds).take(counted).all(is_below);
     // Of those that are not counted no eigenvalue lies below the shift.
-    for (pair, bound) in pairs.iter().zip(&mut bounds).skip(counted).filter(|_| result.proven) {
+    for (pair, bound) in pairs.iter().zip(&mut bounds).skip(counted).filter(|_| proven) {
         *bound = bound.max((pair.value - lowest) * (1.0 + f64::EPSILON));
     }
-    result.sort(pairs, &bounds, count, &rounding);
-    result.name_hanging(system);
-    result.work = work;
-    Ok(result)
+    Ok(Found { pairs, bounds, complete, proven, counted_below })
 }
 
 /// The bodies that have rigid motions, where there are several.
@@ -305,25 +324,14 @@ pub(crate) fn uncounted(
     let search = Search::new(End::Lowest, wanted, BLOCK);
     memory::ensure(16 * (search.capacity as u64 + 60) * n as u64, "the vectors of a search for modes")?;
     let geometry = SpringGeometry::at(system, state)?;
-    let shift = SHIFT * weighted_norm(a, masses);
+    let shift = SHIFT * Pencil { masses: Some(masses), ..Pencil::of(a) }.norm();
     let positive = |option| {
         SystemOperator::new(system, &geometry, option, Combination { mass: shift, damping: 0.0, stiffness: -1.0 })
     };
-    let build = |option| -> Option<Multigrid> {
-        let operator = positive(option);
-        let mut multigrid = Multigrid::new(system).ok()?;
-        multigrid.set_positions(&state.positions);
-        multigrid.refill(&operator).ok()?;
-        multigrid.rebuild(&operator).ok()?;
-        Some(multigrid)
-    };
+    let build = |option| multigrid_for(&positive(option), &state.positions);
     let mut multigrid = build(Stiffness::Full).or_else(|| build(Stiffness::Tension));
-    let products = SystemOperator::new(
-        system,
-        &geometry,
-        Stiffness::Full,
-        Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 },
-    );
+    let minus_k = Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 };
+    let products = SystemOperator::new(system, &geometry, Stiffness::Full, minus_k);
     let mut apply = |x: &[f64], y: &mut [f64]| {
         for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
             products.apply(x, y);
@@ -348,13 +356,6 @@ pub(crate) fn uncounted(
     Ok(pairs.map(|pair| Eigenpair { value: pair.value, vector: pair.vector, residual: pair.residual }).collect())
 }
 
-/// `maxᵢ Σⱼ |aᵢⱼ|/mᵢ`, no smaller than any eigenvalue.
-fn weighted_norm(a: &SymmetricMatrix, masses: &[f64]) -> f64 {
-    let mut sums = vec![0.0; a.order()];
-    a.norm_inf(&mut sums);
-    sums.iter().zip(masses).map(|(sum, mass)| sum / mass).fold(0.0, f64::max)
-}
-
 /// The motions of a set, orthonormal in M, that a matrix does not resist.
 fn unresisted(a: &SymmetricMatrix, masses: &[f64], motions: Vec<Vec<f64>>, rounding: &Rounding<'_>) -> Vec<Eigenpair> {
     if motions.is_empty() {
@@ -374,25 +375,27 @@ fn unresisted(a: &SymmetricMatrix, masses: &[f64], motions: Vec<Vec<f64>>, round
     let zero = rounding.of_sums.max(of_positions);
     let free = (0..motions.len()).filter(|&k| eigen.eigenvalues[k].max(0.0).sqrt() <= zero);
     free.map(|k| {
-        let mut vector = vec![0.0; a.order()];
-        for (motion, factor) in motions.iter().zip(&eigen.eigenvectors.column(k)) {
-            vector.iter_mut().zip(motion).for_each(|(sum, u)| *sum += factor * u);
-        }
+        let vector = combination(&motions, eigen.eigenvectors.column(k));
         Eigenpair { value: 0.0, residual: eigen.eigenvalues[k].max(0.0).sqrt(), vector }
     })
     .collect()
 }
 
+/// Weight and external forces on every particle at rest, in N.
+pub(crate) fn loads_at_rest(system: &System, state: &State) -> Vec<Vector3<f64>> {
+    let rest = vec![Vector3::zeros(); system.particles()];
+    let mut forces = rest.clone();
+    add_weight(system, &mut forces);
+    add_external_forces(system, &StateView { velocities: &rest, ..state.moment() }, &mut forces);
+    forces
+}
+
 /// The largest force on a free coordinate that nothing balances, over the largest force of one kind: of springs, weight or loads.
 pub(crate) fn imbalance(system: &System, state: &State) -> Result<f64> {
-    let zeros = || vec![Vector3::zeros(); system.particles()];
-    let (mut springs, mut loads) = (zeros(), zeros());
+    let mut springs = vec![Vector3::zeros(); system.particles()];
     let geometry = SpringGeometry::at(system, state)?;
     add_elastic_force(system, &geometry, &mut springs);
-    add_weight(system, &mut loads);
-    let rest = zeros();
-    let at = crate::system::StateView { velocities: &rest, ..state.moment() };
-    add_external_forces(system, &at, &mut loads);
+    let loads = loads_at_rest(system, state);
     let largest = |forces: &[Vector3<f64>]| {
         let mut reduced = vec![0.0; system.dofs().len()];
         system.dofs().gather(forces, &mut reduced);
@@ -436,24 +439,6 @@ pub struct StateSpace {
 }
 
 impl Modes {
-    /// Takes over pairs, ascending: zero modes, and `count` others.
-    fn sort(&mut self, pairs: Vec<Eigenpair>, bounds: &[f64], count: usize, rounding: &Rounding<'_>) {
-        let pairs = pairs.into_iter().zip(bounds);
-        let (zeros, others): (Vec<_>, Vec<_>) = pairs.partition(|(pair, _)| rounding.hides(pair));
-        let sizes = |pairs: &[(Eigenpair, &f64)]| pairs.iter().map(|(pair, _)| pair.value.abs()).collect::<Vec<_>>();
-        let smallest = sizes(&others).into_iter().fold(f64::INFINITY, f64::min);
-        self.gap = [sizes(&zeros).into_iter().fold(0.0, f64::max), smallest];
-        let mode = |(pair, bound): (Eigenpair, &f64)| Mode::new(pair, *bound, &self.dofs, &self.masses, &self.damping);
-        self.zero_modes = zeros.into_iter().map(mode).collect();
-        self.modes = others.into_iter().take(count).map(mode).collect();
-    }
-
-    fn name_hanging(&mut self, system: &System) {
-        if self.zero_modes.len() > self.rigid_motions {
-            self.hanging = hanging(system);
-        }
-    }
-
     /// The displacement of every particle in a mode, in kg^{-1/2}.
     pub fn shape(&self, mode: &Mode) -> Vec<Vector3<f64>> {
         let mut shape = vec![Vector3::zeros(); self.dofs.particles()];

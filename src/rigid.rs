@@ -18,22 +18,12 @@ pub(crate) struct Body {
 /// The bodies of a system, ordered by their first particles. A particle that is held along all axes joins none.
 pub(crate) fn bodies(system: &System) -> Vec<Body> {
     let is_free = |p: usize| !system.dofs().rows(p).is_empty();
-    let mut parent: Vec<usize> = (0..system.particles()).collect();
-    fn root(parent: &mut [usize], mut p: usize) -> usize {
-        while parent[p] != p {
-            parent[p] = parent[parent[p]];
-            p = parent[p];
-        }
-        p
-    }
-    for (_, [i, j], _) in system.active().filter(|(_, ends, _)| ends.iter().all(|&p| is_free(p))) {
-        let (a, b) = (root(&mut parent, i), root(&mut parent, j));
-        parent[a.max(b)] = a.min(b);
-    }
+    let joins = system.active().map(|(_, ends, _)| ends).filter(|ends| ends.iter().all(|&p| is_free(p)));
+    let firsts = first_connected(system.particles(), joins);
     let mut number = vec![usize::MAX; system.particles()];
     let mut bodies: Vec<Body> = Vec::new();
     for p in (0..system.particles()).filter(|&p| is_free(p)) {
-        let first = root(&mut parent, p);
+        let first = firsts[p];
         if number[first] == usize::MAX {
             number[first] = bodies.len();
             bodies.push(Body { particles: Vec::new(), anchors: Vec::new() });
@@ -53,6 +43,24 @@ pub(crate) fn bodies(system: &System) -> Vec<Body> {
         body.anchors.dedup();
     }
     bodies
+}
+
+/// The first particle that each is connected with by pairs.
+pub(crate) fn first_connected(particles: usize, pairs: impl Iterator<Item = [usize; 2]>) -> Vec<usize> {
+    // Path halving: every second particle is hung one higher, so that no path stays long, in whatever order pairs come.
+    fn root(parent: &mut [usize], mut p: usize) -> usize {
+        while parent[p] != p {
+            parent[p] = parent[parent[p]];
+            p = parent[p];
+        }
+        p
+    }
+    let mut parent: Vec<usize> = (0..particles).collect();
+    for [i, j] in pairs {
+        let (a, b) = (root(&mut parent, i), root(&mut parent, j));
+        parent[a.max(b)] = a.min(b);
+    }
+    (0..particles).map(|p| root(&mut parent, p)).collect()
 }
 
 /// Positions moved rigidly to where they are nearest to a reference, by the singular value decomposition of their covariance (Kabsch,
@@ -86,27 +94,25 @@ impl Body {
         let centre = members.iter().map(|&p| positions[p]).sum::<Vector3<f64>>() / members.len() as f64;
         let arm = |p: usize| positions[p] - centre;
         let radius = members.iter().map(|&p| arm(p).norm()).fold(0.0, f64::max);
-        let turn = |axis: Vector3<f64>| {
-            move |arm: Vector3<f64>| if radius > 0.0 { axis.cross(&arm) / radius } else { Vector3::zeros() }
+        // Translations and rotations, `t + ω × arm` with ω scaled by the radius.
+        let rotations = match dimension {
+            3 => 0..3,
+            2 => 2..3,
+            _ => 0..0,
         };
-        let mut motions: Vec<Box<dyn Fn(usize) -> Vector3<f64>>> = Vec::new();
-        for axis in 0..dimension {
-            motions.push(Box::new(move |_| Vector3::ith(axis, 1.0)));
-        }
-        let axes = match dimension {
-            3 => vec![Vector3::x(), Vector3::y(), Vector3::z()],
-            2 => vec![Vector3::z()],
-            _ => vec![],
+        let zero = Vector3::zeros();
+        let translations = (0..dimension).map(|axis| [Vector3::ith(axis, 1.0), zero]);
+        let motions: Vec<[Vector3<f64>; 2]> =
+            translations.chain(rotations.map(|axis| [zero, Vector3::ith(axis, 1.0)])).collect();
+        let velocity = |[t, omega]: &[Vector3<f64>; 2], p: usize| match radius > 0.0 {
+            true => t + omega.cross(&arm(p)) / radius,
+            false => *t,
         };
-        for axis in axes {
-            let turn = turn(axis);
-            motions.push(Box::new(move |p| turn(arm(p))));
-        }
         let count = motions.len();
         // Motion of the held coordinates, and of the free ones, as quadratic forms of the coefficients.
         let (mut held, mut free) = (DMatrix::zeros(count, count), DMatrix::zeros(count, count));
         for &p in &members {
-            let at: Vec<Vector3<f64>> = motions.iter().map(|motion| motion(p)).collect();
+            let at: Vec<Vector3<f64>> = motions.iter().map(|motion| velocity(motion, p)).collect();
             let axes = system.dofs().free_axes(p);
             #[expect(clippy::needless_range_loop, reason = "an axis is an index of several vectors")]
             for axis in 0..dimension {
@@ -132,12 +138,11 @@ impl Body {
         let kept = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] > ROUNDING * size);
         kept.map(|k| {
             let coefficients = &admitted * eigenvectors.column(k) / eigenvalues[k].sqrt();
-            let velocity = |&p: &usize| {
-                let axes = system.dofs().free_axes(p);
-                let u: Vector3<f64> = motions.iter().zip(coefficients.iter()).map(|(motion, c)| motion(p) * *c).sum();
-                Vector3::from_fn(|axis, _| if axes.contains(axis) { u[axis] } else { 0.0 })
+            let of_particle = |&p: &usize| {
+                let parts = motions.iter().zip(&coefficients).map(|(motion, c)| velocity(motion, p) * *c);
+                system.dofs().free_axes(p).project(&parts.sum())
             };
-            self.particles.iter().map(velocity).collect()
+            self.particles.iter().map(of_particle).collect()
         })
         .collect()
     }
@@ -149,6 +154,15 @@ fn null_space(form: DMatrix<f64>) -> DMatrix<f64> {
     let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(form);
     let null: Vec<usize> = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] <= NOTHING * size).collect();
     eigenvectors.select_columns(&null)
+}
+
+/// The sum of vectors times factors.
+pub(crate) fn combination<'f>(vectors: &[Vec<f64>], factors: impl IntoIterator<Item = &'f f64>) -> Vec<f64> {
+    let mut sum = vec![0.0; vectors.first().map_or(0, Vec::len)];
+    for (vector, factor) in vectors.iter().zip(factors) {
+        sum.iter_mut().zip(vector).for_each(|(sum, u)| *sum += factor * u);
+    }
+    sum
 }
 
 /// The rigid motions of all bodies as reduced vectors, body by body.
@@ -172,6 +186,14 @@ mod tests {
     use super::*;
     use crate::spring::Spring;
     use crate::system::{Constraint, SystemBuilder};
+
+    /// Pairs given from the far end on hang every particle under the next: without path halving the path to the root of the last ones
+    /// is the whole chain, for every particle.
+    #[test]
+    fn long_chains_are_one_part() {
+        let firsts = first_connected(100_001, (0..100_000).rev().map(|p| [p, p + 1]));
+        assert!(firsts.iter().all(|&first| first == 0));
+    }
 
     /// A row of particles that is held at two of them cannot move, though nothing stops its rotation about itself.
     #[test]

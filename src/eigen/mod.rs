@@ -34,7 +34,9 @@ pub(crate) use shift_invert::{Accuracy, Pencil, ShiftInvert, eigenpair};
 pub use shift_invert::{Lowest, lowest};
 
 use crate::linear::{dot, norm};
-use nalgebra::{DMatrix, DMatrixView, DVector, SymmetricEigen};
+use crate::multigrid::Multigrid;
+use crate::operator::SystemOperator;
+use nalgebra::{DMatrix, DMatrixView, DVector, SymmetricEigen, Vector3};
 use rand::rngs::Xoshiro256PlusPlus;
 use rand::{Rng, SeedableRng};
 
@@ -54,6 +56,15 @@ pub(crate) fn unit(mut u: Vec<f64>) -> Option<Vec<f64>> {
     let length = norm(&u);
     u.iter_mut().for_each(|u| *u /= length);
     (length > 0.0 && length.is_finite()).then_some(u)
+}
+
+/// Multigrid for a matrix that cannot be factored, where there is the memory for it and the matrix is positive definite.
+pub(crate) fn multigrid_for(a: &SystemOperator<'_>, positions: &[Vector3<f64>]) -> Option<Multigrid> {
+    let mut multigrid = Multigrid::new(a.system()).ok()?;
+    multigrid.set_positions(positions);
+    multigrid.refill(a).ok()?;
+    multigrid.rebuild(a).ok()?;
+    Some(multigrid)
 }
 
 /// Fills a vector with independent standard normal numbers (Box and Muller 1958).
@@ -159,7 +170,6 @@ impl<'m> BlockLanczos<'m> {
         Self { n, masses, end, wanted, block, basis, products, projected, size: 0, rng }
     }
 
-    /// Adds start vectors.
     pub fn start<'v>(&mut self, vectors: impl IntoIterator<Item = &'v [f64]>, apply: &mut Product<'_>) {
         let columns: Vec<_> = vectors.into_iter().map(DVector::from_column_slice).collect();
         if !columns.is_empty() {

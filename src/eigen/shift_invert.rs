@@ -54,7 +54,7 @@ impl<'a> Pencil<'a> {
     }
 
     /// The largest sum of the sizes in a row of `M⁻¹A`, no smaller than any |λ|.
-    fn norm(&self) -> f64 {
+    pub fn norm(&self) -> f64 {
         let mut sums = vec![0.0; self.a.order()];
         let norm = self.a.norm_inf(&mut sums);
         let Some(masses) = self.masses else { return norm };

@@ -1,7 +1,8 @@
 //! Directions of Newton's method by factorizations of −K.
 
-use super::{NEAR, SINGULAR, Search, Solver, norm_of};
+use super::{NEAR, SINGULAR, Search, Solver};
 use crate::assembly::SymmetricMatrix;
+use crate::eigen::Pencil;
 use crate::error::Result;
 use crate::integrate::StiffnessPolicy;
 use crate::spring::Stiffness;
@@ -31,7 +32,7 @@ impl Search<'_> {
         if self.factor(&a) {
             return Ok((self.solve(), false));
         }
-        let norm = Some(norm_of(&a)).filter(|norm| *norm > 0.0).unwrap_or(self.acting);
+        let norm = Some(Pencil::of(&a).norm()).filter(|norm| *norm > 0.0).unwrap_or(self.acting);
         let mut added = 0.0;
         if self.is_free {
             added = SINGULAR * norm;

@@ -31,7 +31,6 @@ const ITERATIONS: f64 = 100.0;
 /// Iterations after which the direction found so far is taken.
 const LIMIT: u64 = 500;
 
-/// Conjugate gradients with their preconditioner.
 pub(super) struct Iterative {
     method: ConjugateGradient,
     preconditioner: Preconditioner,

@@ -144,7 +144,6 @@ impl Path<'_> {
         equilibrium(self.system, from, options)
     }
 
-    /// The equilibrium downhill, away from saddles.
     fn settled(&self, load: f64, from: &State) -> Result<Equilibrium> {
         equilibrium(self.system, from, EquilibriumOptions { load, ..EquilibriumOptions::default() })
     }
@@ -154,7 +153,6 @@ impl Path<'_> {
         pairs.map(|(a, b)| (a - b).norm_squared()).sum::<f64>().sqrt()
     }
 
-    /// `−K` at a configuration.
     fn stiffness(&self, state: &State, option: Stiffness) -> Result<SymmetricMatrix> {
         let mut matrices = Matrices::new(self.system)?;
         matrices.update(state, option)?;

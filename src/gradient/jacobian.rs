@@ -49,7 +49,6 @@ impl<'s> Jacobian<'s> {
         Ok(())
     }
 
-    /// Where forces were linearised.
     pub(super) fn point<'a>(&'a self, at: &State) -> Point<'a> {
         Point { geometry: &self.geometry, velocities: &self.velocities, time: at.time }
     }

@@ -44,13 +44,19 @@ impl Parameters {
 
     /// The sum of products with another set: how fast a number changes along a change.
     pub fn dot(&self, other: &Self) -> f64 {
-        let scalars = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let vectors = |a: &[Vector3<f64>], b: &[Vector3<f64>]| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
+        self.sum_with(other, |a, b| a * b)
+    }
+
+    /// The sum of a function of each number and that of another set.
+    pub(crate) fn sum_with(&self, other: &Self, of: impl Fn(f64, f64) -> f64) -> f64 {
+        let vector = |a: &Vector3<f64>, b: &Vector3<f64>| a.iter().zip(b).map(|(a, b)| of(*a, *b)).sum::<f64>();
+        let scalars = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| of(*a, *b)).sum::<f64>();
+        let vectors = |a: &[Vector3<f64>], b: &[Vector3<f64>]| a.iter().zip(b).map(|(a, b)| vector(a, b)).sum::<f64>();
         scalars(&self.stiffness, &other.stiffness)
             + scalars(&self.rest_lengths, &other.rest_lengths)
             + scalars(&self.damping, &other.damping)
             + scalars(&self.masses, &other.masses)
-            + self.gravity.dot(&other.gravity)
+            + vector(&self.gravity, &other.gravity)
             + vectors(&self.loads, &other.loads)
             + vectors(&self.positions, &other.positions)
             + vectors(&self.velocities, &other.velocities)

@@ -2,8 +2,9 @@
 
 use super::jacobian::Jacobian;
 use super::tangent::{of_free, predicted};
-use super::{Cotangent, DifferentiableRun, Forward, Parameters, Record, Scheme};
+use super::{Cotangent, DifferentiableRun, Forward, Parameters, Record};
 use crate::error::Result;
+use crate::integrate::Method;
 use crate::system::State;
 use nalgebra::Vector3;
 
@@ -79,10 +80,9 @@ impl<'r, 's> Reverse<'r, 's> {
         self.sweep(from, middle, &there.here, room)
     }
 
-    /// One step backwards.
     pub(super) fn step(&mut self, step: usize, before: Option<&Record>, here: &Record, next: &Record) -> Result<()> {
         self.run.check_interrupt(step, here.state.time)?;
-        if self.run.scheme == Scheme::Verlet {
+        if self.run.method == Method::Verlet {
             self.verlet(step, here, next)?
         } else {
             self.implicit(step, before, here, next)?
@@ -103,7 +103,7 @@ impl<'r, 's> Reverse<'r, 's> {
         let base = run.base(step, before, &here.state);
         let solved = run.solved(step, &base, &here.state, &next.state);
         jacobian.set(&solved, tau)?;
-        let doubles = if run.scheme == Scheme::ImplicitMidpoint { 2.0 } else { 1.0 };
+        let doubles = if run.method == Method::ImplicitMidpoint { 2.0 } else { 1.0 };
         let dofs = system.dofs();
         let full: Vec<_> = self.positions.iter().zip(&self.velocities).map(|(x, v)| (x + v / tau) * doubles).collect();
         let mut right = vec![0.0; dofs.len()];
@@ -180,7 +180,7 @@ impl<'r, 's> Reverse<'r, 's> {
     }
 
     pub(super) fn finish(mut self, first: &Record) -> Result<Parameters> {
-        if self.run.scheme == Scheme::Verlet {
+        if self.run.method == Method::Verlet {
             let cotangent = std::mem::take(&mut self.accelerations);
             let [moved, damped] = self.force_adjoint(&first.state, &first.acceleration, &cotangent)?;
             self.positions.iter_mut().zip(&moved).for_each(|(x, moved)| *x += moved);

@@ -1,8 +1,9 @@
 //! Changes of the states of a run, from its start to its end.
 
 use super::jacobian::Jacobian;
-use super::{DifferentiableRun, Parameters, Record, Scheme, StateChange};
+use super::{DifferentiableRun, Parameters, Record, StateChange};
 use crate::error::Result;
+use crate::integrate::Method;
 use crate::system::{State, System};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -22,7 +23,6 @@ struct Tangent<'r> {
     before: StateChange,
 }
 
-/// A core step from `base` to `solved`.
 struct Core {
     tau: f64,
     beta: f64,
@@ -43,12 +43,11 @@ impl<'r, 's> Tangents<'r, 's> {
         self.tangents.iter().map(|tangent| &tangent.now)
     }
 
-    /// One step.
     pub(super) fn step(&mut self, step: usize, before: Option<&Record>, [here, next]: [&Record; 2]) -> Result<()> {
         let Self { run, jacobian, tangents } = self;
         let system = run.system;
         run.check_interrupt(step, here.state.time)?;
-        if run.scheme == Scheme::Verlet {
+        if run.method == Method::Verlet {
             let h = run.lengths[step];
             let predicted = predicted(system, h, here, next);
             jacobian.linearise(&predicted)?;
@@ -59,7 +58,7 @@ impl<'r, 's> Tangents<'r, 's> {
         let base = run.base(step, before, &here.state);
         let solved = run.solved(step, &base, &here.state, &next.state);
         jacobian.set(&solved, tau)?;
-        let core = Core { tau, beta, doubles: run.scheme == Scheme::ImplicitMidpoint, base, solved };
+        let core = Core { tau, beta, doubles: run.method == Method::ImplicitMidpoint, base, solved };
         let order = system.dofs().len();
         let mut columns = vec![0.0; order * tangents.len()];
         let rows = order.max(1);
@@ -79,7 +78,7 @@ impl<'r> Tangent<'r> {
         let system = run.system;
         let now = [change.positions.clone(), of_free(system, &change.velocities)];
         let mut tangent = Self { change, before: now.clone(), now, accelerations: Vec::new() };
-        if run.scheme == Scheme::Verlet {
+        if run.method == Method::Verlet {
             let [x, v] = &tangent.now;
             tangent.accelerations = tangent.acceleration_change(&first.state, &first.acceleration, [x, v], jacobian);
         }
@@ -166,12 +165,8 @@ impl<'r> Tangent<'r> {
 }
 
 /// Vectors with zeros for prescribed coordinates.
-pub(super) fn of_free(system: &System, vectors: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    let of = |(p, v): (usize, &Vector3<f64>)| {
-        let free = system.dofs().free_axes(p);
-        Vector3::from_fn(|axis, _| if free.contains(axis) { v[axis] } else { 0.0 })
-    };
-    vectors.iter().enumerate().map(of).collect()
+pub(crate) fn of_free(system: &System, vectors: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    vectors.iter().enumerate().map(|(p, v)| system.dofs().free_axes(p).project(v)).collect()
 }
 
 /// The state at which Verlet's method takes forces: x' and `v* = v + h a`.

@@ -33,17 +33,16 @@
 //! relative width of `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
 
 use super::inertia::{InertiaCounter, largest_at_particle};
-use crate::assembly::{SpringPattern, SystemMatrix};
+use super::oracle::Oracle;
 use crate::eigen::{BlockLanczos, End, Search, Tolerance, probe};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, SpringGeometry};
-use crate::linear::{Ldlt, SOLVE_COLUMNS, dot};
+use crate::linear::{SOLVE_COLUMNS, dot};
 use crate::operator::{Combination, LinearOperator, SystemOperator, negative_part};
 use crate::spring::{SpringBlock, Stiffness};
 use crate::system::{State, System};
 use crate::work::Work;
 use faer::Par;
-use std::sync::Arc;
 
 /// A property that a step keeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -92,25 +91,24 @@ impl Curvature {
 
 /// P(s) of a system at one state, as an operator.
 pub(super) struct MatrixPencil<'s> {
-    system: &'s System,
+    pub property: Property,
+    pub option: Stiffness,
+    pub system: &'s System,
     extensions: SpringGeometry,
     operator: SystemOperator<'s>,
     /// G, for the curvature along a vector.
     damping: SystemOperator<'s>,
     product: Vec<f64>,
-    /// m of every degree of freedom.
     masses: Vec<f64>,
 }
 
 impl<'s> MatrixPencil<'s> {
-    pub fn new(system: &'s System, extensions: SpringGeometry) -> Self {
+    /// For a property under an option, which may be exchanged for others.
+    pub fn new(system: &'s System, extensions: SpringGeometry, property: Property, option: Stiffness) -> Self {
         let operator = |combination| SystemOperator::new(system, &extensions, Stiffness::Full, combination);
         let (damping, operator) = (operator(Combination::DAMPING), operator(Combination::STIFFNESS));
-        let mut masses = vec![0.0; system.dofs().len()];
-        for (particle, mass) in system.masses().iter().enumerate() {
-            masses[system.dofs().rows(particle)].fill(*mass);
-        }
-        Self { system, damping, operator, extensions, product: vec![0.0; masses.len()], masses }
+        let masses: Vec<f64> = system.dofs().iter().map(|dof| system.masses()[dof.particle]).collect();
+        Self { property, option, system, damping, operator, extensions, product: vec![0.0; masses.len()], masses }
     }
 
     /// Moves to another state of the same system.
@@ -124,11 +122,12 @@ impl<'s> MatrixPencil<'s> {
     }
 
     /// Makes the operator P(s).
-    pub fn set(&mut self, requirement: Property, option: Stiffness, s: f64) {
-        let (mass, damping) = (requirement.mass() * s * s, requirement.damping() * s);
+    pub fn set(&mut self, s: f64) {
+        let Self { property, option, .. } = *self;
+        let (mass, damping) = (property.mass() * s * s, property.damping() * s);
         self.operator.set_external(&self.extensions, |at| {
             let dropped = -if option == Stiffness::Full { at.stiffness } else { negative_part(&at.stiffness) };
-            let stiffness = match requirement {
+            let stiffness = match property {
                 Property::Definite => dropped,
                 Property::Stable => dropped * 2.0 + at.stiffness,
             };
@@ -136,7 +135,7 @@ impl<'s> MatrixPencil<'s> {
         });
         self.operator.set_blocks(&self.extensions, mass, |_, spring, at| {
             let dropped = spring.stiffness_block(at, option);
-            let stiffness = match requirement {
+            let stiffness = match property {
                 Property::Definite => dropped,
                 Property::Stable => dropped * 2.0 + spring.stiffness_block(at, Stiffness::Full) * -1.0,
             };
@@ -157,14 +156,14 @@ impl<'s> MatrixPencil<'s> {
     }
 
     /// The coefficients of `uᵀP(s)u`. Leaves the operator at s = 0.
-    pub fn curvature(&mut self, requirement: Property, option: Stiffness, u: &[f64]) -> Curvature {
+    pub fn curvature(&mut self, u: &[f64]) -> Curvature {
         let kinetic: f64 = u.iter().zip(&self.masses).map(|(u, mass)| mass * u * u).sum();
         self.damping.apply(u, &mut self.product);
         let damping = -dot(u, &self.product);
-        self.set(requirement, option, 0.0);
+        self.set(0.0);
         self.operator.apply(u, &mut self.product);
         let constant = dot(u, &self.product);
-        Curvature { mass: requirement.mass() * kinetic, damping: requirement.damping() * damping, constant }
+        Curvature { mass: self.property.mass() * kinetic, damping: self.property.damping() * damping, constant }
     }
 
     /// The lowest Ritz vector of `M⁻¹C` from sixty products; expects the operator at s = 0.
@@ -193,9 +192,9 @@ impl<'s> MatrixPencil<'s> {
 
     /// A bound for ‖P(s)‖: the largest sum of `μ s² m_i` and twice the norms of the blocks at a free particle. Expects the operator at
     /// s = 0, so that damping is left out.
-    pub fn norm_bound(&self, s: f64, requirement: Property) -> f64 {
+    pub fn norm_bound(&self, s: f64) -> f64 {
         let norm = |block: &SpringBlock, _| 2.0 * block.transverse.abs().max(block.axial.abs());
-        let inertia = |mass: f64| requirement.mass() * s * s * mass;
+        let inertia = |mass: f64| self.property.mass() * s * s * mass;
         largest_at_particle(&self.operator, inertia, |block| block.norm(), norm, |sum, _| sum)
     }
 
@@ -203,16 +202,16 @@ impl<'s> MatrixPencil<'s> {
     ///
     /// A spring with the lowest eigenvalue −c takes at most `c‖u_i − u_j‖² ≤ 2c(‖u_i‖² + ‖u_j‖²)` from uᵀPu, and only
     /// `c‖u_i‖²` where j is held. So `μ s² m_i > Σ 2c` over the springs at every particle i is enough.
-    pub fn surely_definite(&self, requirement: Property) -> f64 {
+    pub fn surely_definite(&self) -> f64 {
         let taken = |block: &SpringBlock, is_free: bool| (-block.lowest()).max(0.0) * if is_free { 2.0 } else { 1.0 };
         let external = |block: &nalgebra::Matrix3<f64>| block.symmetric_eigenvalues().min().min(0.0).abs();
         let largest = largest_at_particle(&self.operator, |_| 0.0, external, taken, |sum, mass| sum / mass);
         // A little above, so that rounding does not make the factorization fail there.
-        (largest / requirement.mass()).sqrt() * (1.0 + 1e-6)
+        (largest / self.property.mass()).sqrt() * (1.0 + 1e-6)
     }
 }
 
-/// The largest step that keeps a requirement.
+/// The largest step that keeps a property.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LargestStep {
     /// Every step keeps it.
@@ -261,11 +260,9 @@ impl LargestStep {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct CriticalSteps<'s> {
-    pencil: MatrixPencil<'s>,
-    matrix: SystemMatrix,
-    factorization: Ldlt,
+    pub(super) pencil: MatrixPencil<'s>,
+    oracle: Oracle,
     inertia: InertiaCounter,
-    known: Known,
     /// The work of the searches.
     pub work: Work,
 }
@@ -287,73 +284,58 @@ impl<'s> CriticalSteps<'s> {
     /// # Errors
     /// Coincident ends of a spring; a matrix that is too large.
     pub fn new(system: &'s System, state: &State, par: Par) -> Result<Self> {
-        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
-        let factorization = Ldlt::analyse(pattern.pattern(), par)?;
-        let work = Work { symbolic_factorizations: 1, ..Work::default() };
-        Self::analysed(system, SpringGeometry::at(system, state)?, pattern, factorization, work)
+        let mut work = Work::default();
+        let oracle = Oracle::analyse(system, par, &mut work)?;
+        Ok(Self { work, ..Self::analysed(system, SpringGeometry::at(system, state)?, oracle)? })
     }
 
-    /// As [`new`](Self::new), on a pattern that has been analysed.
-    pub(super) fn analysed(
-        system: &'s System,
-        extensions: SpringGeometry,
-        pattern: Arc<SpringPattern>,
-        factorization: Ldlt,
-        work: Work,
-    ) -> Result<Self> {
-        let (pencil, matrix) = (MatrixPencil::new(system, extensions), SystemMatrix::zeros(pattern));
-        let inertia = InertiaCounter::sharing(&factorization)?;
-        Ok(Self { pencil, matrix, factorization, inertia, known: Known::default(), work })
+    /// As [`new`](Self::new), with an analysed pattern.
+    pub(super) fn analysed(system: &'s System, extensions: SpringGeometry, oracle: Oracle) -> Result<Self> {
+        let pencil = MatrixPencil::new(system, extensions, Property::Definite, Stiffness::Full);
+        let inertia = InertiaCounter::sharing(&oracle.factorization)?;
+        Ok(Self { pencil, oracle, inertia, work: Work::default() })
     }
 
     /// The limit of definiteness under `Full`, with known facts.
     pub(super) fn definite_knowing(&mut self, known: Known) -> LargestStep {
-        if known.curves_downwards == Some(false) {
-            return LargestStep::Every;
-        }
-        self.known = known;
-        let limit = self.largest_step(Property::Definite, Stiffness::Full);
-        self.known = Known::default();
-        limit
-    }
-
-    /// The largest step that keeps the requirement under an option, certified by factorizations on both sides.
-    pub fn largest_step(&mut self, requirement: Property, option: Stiffness) -> LargestStep {
-        match (requirement, option) {
-            // S(s) is A(2s): semidefinite as far as A is, and beyond.
-            (Property::Definite, _) | (Property::Stable, Stiffness::Full) => self.search(Property::Definite, option),
-            // A is positive definite for every s.
-            (Property::Stable, _) => self.search(Property::Stable, option),
+        match known.curves_downwards {
+            Some(false) => LargestStep::Every,
+            _ => self.search(Property::Definite, Stiffness::Full, known),
         }
     }
 
-    fn search(&mut self, requirement: Property, option: Stiffness) -> LargestStep {
-        self.pencil.set(requirement, option, 0.0);
+    /// The largest step that keeps a property under an option, certified by factorizations on both sides.
+    pub fn largest_step(&mut self, property: Property, option: Stiffness) -> LargestStep {
+        // Under `Full` S(s) is A(2s): semidefinite as far as A is, and beyond. Else A is positive definite for every s.
+        let property = if option == Stiffness::Full { Property::Definite } else { property };
+        self.search(property, option, Known::default())
+    }
+
+    fn search(&mut self, property: Property, option: Stiffness, known: Known) -> LargestStep {
+        (self.pencil.property, self.pencil.option) = (property, option);
+        self.pencil.set(0.0);
         // Blocks that are all positive semidefinite, to the rounding of lengths, decide it without a factorization.
         let rounding = 16.0 * f64::EPSILON;
         let is_none = |block: &SpringBlock| block.lowest() >= -rounding * block.transverse.abs().max(block.axial.abs());
         if self.pencil.blocks().iter().all(is_none) {
             return LargestStep::Every;
         }
-        let known = std::mem::take(&mut self.known);
         // Above this P(s) is definite for certain.
-        let mut accepted = self.pencil.surely_definite(requirement).min(known.definite_from.unwrap_or(f64::INFINITY));
+        let mut accepted = self.pencil.surely_definite().min(known.definite_from.unwrap_or(f64::INFINITY));
         let mut bound = Bound { s: 0.0, rounding: 4.0 * f64::EPSILON };
         let mut u = known.direction.unwrap_or_default();
-        let is_near = !u.is_empty()
-            && self.raise(requirement, option, &mut bound, &u)
-            && self.shortfall(requirement, option, bound, &u) <= 1e-2;
+        let is_near = !u.is_empty() && self.raise(&mut bound, &u) && self.shortfall(bound, &u) <= 1e-2;
         if !is_near {
-            self.pencil.set(requirement, option, 0.0);
+            self.pencil.set(0.0);
             let lowest = self.pencil.lowest_direction().unwrap_or_else(|| vec![0.0; self.pencil.masses().len()]);
-            if self.raise(requirement, option, &mut bound, &lowest) || u.is_empty() {
+            if self.raise(&mut bound, &lowest) || u.is_empty() {
                 u = lowest;
             }
         }
-        if bound.s == 0.0 && known.curves_downwards != Some(true) && !self.curves_downwards(requirement, option) {
+        if bound.s == 0.0 && known.curves_downwards != Some(true) && !self.curves_downwards() {
             return LargestStep::Every;
         }
-        let mut margin = self.shortfall(requirement, option, bound, &u);
+        let mut margin = self.shortfall(bound, &u);
         // Bisection alone ends in 64 halvings.
         for _ in 0..100 {
             // Rounding may lift a root above an accepted s.
@@ -370,23 +352,21 @@ impl<'s> CriticalSteps<'s> {
             if trial <= bound.s || trial >= accepted {
                 break;
             }
-            if self.is_definite(requirement, option, trial) {
+            if self.is_definite(trial) {
                 accepted = trial;
                 if accepted / bound.s - 1.0 <= bound.rounding {
                     break;
                 }
                 u = self.improved(&u);
-                self.raise(requirement, option, &mut bound, &u);
+                self.raise(&mut bound, &u);
                 let width = (accepted / bound.s - 1.0).max(0.0);
-                margin = self.shortfall(requirement, option, bound, &u).min(1e-3 * width);
+                margin = self.shortfall(bound, &u).min(1e-3 * width);
             } else {
                 bound.s = trial;
                 let mut worst = vec![0.0; u.len()];
-                if self.factorization.negative_direction(&mut worst)
-                    && self.raise(requirement, option, &mut bound, &worst)
-                {
+                if self.oracle.factorization.negative_direction(&mut worst) && self.raise(&mut bound, &worst) {
                     u = worst;
-                    margin = self.shortfall(requirement, option, bound, &u);
+                    margin = self.shortfall(bound, &u);
                 } else {
                     margin = 8.0 * margin.max(bound.rounding / 2.0);
                 }
@@ -397,14 +377,14 @@ impl<'s> CriticalSteps<'s> {
 
     /// About the lowest eigenvector of the pencil (P(s), M), with the P(s) that is factored, from a direction near it.
     fn improved(&mut self, u: &[f64]) -> Vec<f64> {
-        let Self { pencil, factorization, work, .. } = self;
+        let Self { pencil, oracle, work, .. } = self;
         let (n, masses) = (u.len(), pencil.masses());
         let mut solve = |x: &[f64], y: &mut [f64]| {
             work.solves += (x.len() / n) as u64;
             for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
                 y.iter_mut().zip(x).zip(masses).for_each(|((y, x), mass)| *y = mass * x);
             }
-            factorization.substitute_columns(n, y);
+            oracle.factorization.substitute_columns(n, y);
         };
         let mut space = BlockLanczos::new(n, Some(masses), Search::new(End::Highest, 1, SOLVE_COLUMNS), 1);
         space.start([u], &mut solve);
@@ -415,35 +395,31 @@ impl<'s> CriticalSteps<'s> {
     }
 
     /// The estimated relative distance of the bound along u from s*.
-    fn shortfall(&mut self, requirement: Property, option: Stiffness, bound: Bound, u: &[f64]) -> f64 {
-        self.pencil.set(requirement, option, bound.s);
+    fn shortfall(&mut self, bound: Bound, u: &[f64]) -> f64 {
+        self.pencil.set(bound.s);
         self.pencil.residual(u)
     }
 
-    /// The oracle: whether P(s) has a Cholesky factorization.
-    fn is_definite(&mut self, requirement: Property, option: Stiffness, s: f64) -> bool {
-        self.pencil.set(requirement, option, s);
-        self.matrix.refill(self.pencil.operator());
-        self.work.assemblies += 1;
-        self.work.factorizations += 1;
-        self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive()
+    fn is_definite(&mut self, s: f64) -> bool {
+        self.pencil.set(s);
+        self.oracle.is_definite(self.pencil.operator(), &mut self.work)
     }
 
     /// C has negative eigenvalues, by a count.
-    pub(super) fn curves_downwards(&mut self, requirement: Property, option: Stiffness) -> bool {
-        self.pencil.set(requirement, option, 0.0);
-        self.matrix.refill(self.pencil.operator());
+    pub(super) fn curves_downwards(&mut self) -> bool {
+        self.pencil.set(0.0);
+        self.oracle.matrix.refill(self.pencil.operator());
         self.work.assemblies += 1;
-        self.inertia.count(self.matrix.matrix(), &mut self.work).negative > 0
+        self.inertia.count(self.oracle.matrix.matrix(), &mut self.work).negative > 0
     }
 
     /// Raises the bound to the root along u; returns `false` where that is not higher.
-    pub(super) fn raise(&mut self, requirement: Property, option: Stiffness, bound: &mut Bound, u: &[f64]) -> bool {
-        let curvature = self.pencil.curvature(requirement, option, u);
+    pub(super) fn raise(&mut self, bound: &mut Bound, u: &[f64]) -> bool {
+        let curvature = self.pencil.curvature(u);
         match curvature.root().filter(|&root| root.is_finite() && root > bound.s) {
             Some(root) => {
                 let slope = (2.0 * curvature.mass * root + curvature.damping) * root;
-                let norm = self.pencil.norm_bound(root, requirement) * dot(u, u);
+                let norm = self.pencil.norm_bound(root) * dot(u, u);
                 *bound = Bound { s: root, rounding: 2.0 * f64::EPSILON * (2.0 + norm / slope) };
                 true
             }

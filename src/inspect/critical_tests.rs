@@ -28,16 +28,18 @@ fn a_bound_is_the_root_along_a_direction() {
     let nothing = || Bound { s: 0.0, rounding: 0.0 };
     for (requirement, root) in [(Definite, 2.0), (Stable, 1.0)] {
         let mut bound = nothing();
-        assert!(steps.raise(requirement, FULL, &mut bound, &[3.0]));
+        steps.pencil.property = requirement;
+        assert!(steps.raise(&mut bound, &[3.0]));
         assert_eq!(bound.s, root);
         let expected = 2.0 * f64::EPSILON * (2.0 + 9.0 * 32.0 / 180.0);
         assert!((bound.rounding / expected - 1.0).abs() < 1e-12, "{}", bound.rounding / expected);
         // No higher: the bound stays.
-        assert!(!steps.raise(requirement, FULL, &mut bound, &[-1.0]) && bound.s == root);
+        assert!(!steps.raise(&mut bound, &[-1.0]) && bound.s == root);
         let mut higher = Bound { s: 2.5, rounding: 0.0 };
-        assert!(!steps.raise(requirement, FULL, &mut higher, &[3.0]) && higher.s == 2.5);
+        assert!(!steps.raise(&mut higher, &[3.0]) && higher.s == 2.5);
     }
-    assert!(!steps.raise(Definite, Stiffness::Tension, &mut nothing(), &[3.0]));
+    (steps.pencil.property, steps.pencil.option) = (Definite, Stiffness::Tension);
+    assert!(!steps.raise(&mut nothing(), &[3.0]));
 }
 
 /// One takes 12 N/m, one adds 5: the limit is that of the first, whatever direction is known before. Where the other takes too the lower limit counts.
@@ -52,9 +54,10 @@ fn a_direction_of_negative_curvature_is_found() {
         }
     }
     let held = pinned(&[pin(2.0, 12.0), pin(1.0, -5.0)]);
-    assert!(
-        steps(&held).curves_downwards(Definite, FULL) && !steps(&held).curves_downwards(Definite, Stiffness::Axial)
-    );
+    let mut steps = steps(&held);
+    assert!(steps.curves_downwards());
+    steps.pencil.option = Stiffness::Axial;
+    assert!(!steps.curves_downwards());
 }
 
 /// Springs that are pressed by no more than the rounding of their lengths limit no step, however stiff they are.

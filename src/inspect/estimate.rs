@@ -17,9 +17,9 @@
 use super::critical::{LargestStep, MatrixPencil, Property};
 use super::culprits::direction;
 use super::inertia::{Inertia, largest_at_particle, lightest};
-use super::inspection::{FirstAnswer, Inspection, Part, SkipReason, Skipped, index_of};
+use super::inspection::{FirstAnswer, Inspection, Part, SkipReason, index_of};
 use super::spectrum::{ROUNDING, Spectrum};
-use crate::eigen::{BlockLanczos, Eigenpair, End, Search, Tolerance};
+use crate::eigen::{BlockLanczos, Eigenpair, End, Search, Tolerance, multigrid_for};
 use crate::error::Result;
 use crate::force::SpringGeometry;
 use crate::memory;
@@ -42,10 +42,9 @@ impl Inspection {
         // Two bases of 26 vectors, multigrid beside them, and other vectors.
         memory::ensure(800 * system.dofs().len() as u64, "an estimate of eigenvalues")?;
         let extensions = SpringGeometry::at(system, state)?;
-        let mut found = Self::unknown(system, &extensions, dt, option);
-        found.skipped = Part::all().map(|part| Skipped { part, why }).collect();
+        let mut found = Self::unknown(system, &extensions, dt, option, why);
         let operator = |option| SystemOperator::new(system, &extensions, option, Combination::step(dt));
-        let mut multigrid = multigrid(system, state, &operator(Stiffness::Tension));
+        let mut multigrid = multigrid_for(&operator(Stiffness::Tension), &state.positions);
         let mut options = Stiffness::ALL;
         options.sort_by_key(|&each| each != option);
         let mut near: Option<Eigenpair> = None;
@@ -79,7 +78,6 @@ impl Inspection {
         Ok(found)
     }
 
-    /// Sets the answer of the quick check.
     fn answer(&mut self, system: &System, extensions: &SpringGeometry, a: &SystemOperator<'_>, pair: &Eigenpair) {
         let is_indefinite = pair.value < -ROUNDING * proven_ceiling(a);
         let is_proven = is_indefinite || proves_definite(a);
@@ -102,9 +100,10 @@ impl Inspection {
                 self.set_known(part);
             }
         }
-        let mut pencil = MatrixPencil::new(system, extensions.clone());
+        let mut pencil = MatrixPencil::new(system, extensions.clone(), Property::Stable, Stiffness::Full);
         for option in [Stiffness::Tension, Stiffness::Axial, Stiffness::Absolute] {
-            pencil.set(Property::Stable, option, 0.0);
+            pencil.option = option;
+            pencil.set(0.0);
             if pencil.operator().has_no_negative_block() {
                 self.options[index_of(option)].stable = LargestStep::Every;
                 self.set_known(Part::Stable(option));
@@ -122,15 +121,6 @@ impl Inspection {
             self.estimated.push(part);
         }
     }
-}
-
-/// Multigrid for a positive definite A, where there is the memory for it.
-fn multigrid(system: &System, state: &State, positive: &SystemOperator<'_>) -> Option<Multigrid> {
-    let mut multigrid = Multigrid::new(system).ok()?;
-    multigrid.set_positions(&state.positions);
-    multigrid.refill(positive).ok()?;
-    multigrid.rebuild(positive).ok()?;
-    Some(multigrid)
 }
 
 /// Both ends of the spectrum, the low one from a vector near it; `condition` is NaN where A may be singular.
@@ -181,7 +171,6 @@ fn proven_ceiling(a: &SystemOperator<'_>) -> f64 {
     largest_at_particle(a, |mass| a.mass_factor() * mass, |block| block.norm(), highest, |sum, _| sum)
 }
 
-/// The blocks prove that A is positive definite.
 fn proves_definite(a: &SystemOperator<'_>) -> bool {
     let floor = proven_floor(a);
     floor > ROUNDING * proven_ceiling(a) && floor.is_finite()

@@ -1,19 +1,18 @@
 //! Following a run: the property that it loses first, and after how many steps.
 
 use super::critical::{MatrixPencil, Property};
-use super::culprits::{Culprit, direction};
+use super::culprits::{self, Culprit};
+use super::oracle::Oracle;
 use super::rotation_limit::Turn;
-use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::eigen::{Pencil, eigenpair, unit};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Energy, SpringGeometry};
 use crate::integrate::{ErrorIndicators, Monitor, MonitorOptions};
-use crate::linear::Ldlt;
 use crate::spring::Stiffness;
 use crate::system::{State, System};
+use crate::work::Work;
 use faer::Par;
 use nalgebra::Vector3;
-use std::sync::Arc;
 
 /// A state at which A is not positive definite.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,13 +52,9 @@ pub struct Loss {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct DefinitenessWatch<'s> {
-    system: &'s System,
-    property: Property,
-    option: Stiffness,
     dt: f64,
     pencil: MatrixPencil<'s>,
-    matrix: SystemMatrix,
-    factorization: Ldlt,
+    oracle: Oracle,
     direction: Vec<f64>,
 }
 
@@ -74,20 +69,17 @@ impl<'s> DefinitenessWatch<'s> {
 
     /// As [`new`](Self::new), for the matrix whose definiteness is that property.
     fn of(property: Property, system: &'s System, state: &State, option: Stiffness, dt: f64, par: Par) -> Result<Self> {
-        let pencil = MatrixPencil::new(system, SpringGeometry::at(system, state)?);
-        let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
-        let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
-        let direction = vec![0.0; system.dofs().len()];
-        Ok(Self { system, property, option, dt, pencil, matrix, factorization, direction })
+        let pencil = MatrixPencil::new(system, SpringGeometry::at(system, state)?, property, option);
+        let oracle = Oracle::analyse(system, par, &mut Work::default())?;
+        Ok(Self { dt, pencil, oracle, direction: vec![0.0; system.dofs().len()] })
     }
 
     /// At a state: the matrix can be factored, and is positive definite.
     fn factor(&mut self, state: &State) -> Result<[bool; 2], DegenerateSpring> {
         self.pencil.update(state)?;
-        self.pencil.set(self.property, self.option, self.dt.recip());
-        self.matrix.refill(self.pencil.operator());
-        let is_factored = self.factorization.factor(self.matrix.matrix()).is_ok();
-        Ok([is_factored, is_factored && self.factorization.is_positive()])
+        self.pencil.set(self.dt.recip());
+        let is_factored = self.oracle.factor(self.pencil.operator(), &mut Work::default()).is_ok();
+        Ok([is_factored, is_factored && self.oracle.factorization.is_positive()])
     }
 
     /// The loss at a state; `None` where A is positive definite.
@@ -99,18 +91,18 @@ impl<'s> DefinitenessWatch<'s> {
         if is_positive {
             return Ok(None);
         }
-        let negative = self.factorization.pivots().filter(|&(_, d)| d < 0.0).count();
-        let mut loss =
-            Loss { step, time: state.time, option: self.option, negative, curvature: f64::NAN, culprits: Vec::new() };
-        if factored && self.factorization.negative_direction(&mut self.direction) {
-            let pencil = Pencil::of(self.matrix.matrix());
-            let lost = unit(self.direction.clone()).map(|u| eigenpair(&pencil, u));
+        let Self { pencil, oracle: Oracle { matrix, factorization, .. }, direction, .. } = self;
+        let negative = factorization.pivots().filter(|&(_, d)| d < 0.0).count();
+        let option = pencil.option;
+        let mut loss = Loss { step, time: state.time, option, negative, curvature: f64::NAN, culprits: Vec::new() };
+        if factored && factorization.negative_direction(direction) {
+            let pair = |u: &[f64]| unit(u.to_vec()).map(|u| eigenpair(&Pencil::of(matrix.matrix()), u));
+            let lost = pair(direction);
             // One inverse iteration leads to the eigenvector nearest to zero, which may lie above it.
-            self.factorization.substitute(&mut self.direction);
-            let nearest = unit(self.direction.clone()).map(|u| eigenpair(&pencil, u)).filter(|pair| pair.value < 0.0);
-            if let Some(pair) = nearest.or(lost) {
+            factorization.substitute(direction);
+            if let Some(pair) = pair(direction).filter(|pair| pair.value < 0.0).or(lost) {
                 loss.curvature = pair.value;
-                loss.culprits = direction(self.system, self.pencil.extensions(), self.option, &pair).culprits;
+                loss.culprits = culprits::direction(pencil.system, pencil.extensions(), option, &pair).culprits;
             }
         }
         Ok(Some(loss))
@@ -238,7 +230,6 @@ impl<'s> Follower<'s> {
         (!is_passive).then_some(Gain { gained, exchanged })
     }
 
-    /// The properties of a state.
     fn look_at(&mut self, step: u64, state: &State) -> Result<(), DegenerateSpring> {
         if self.first.definite.is_none() {
             self.first.definite = self.definiteness.look(step, state)?;

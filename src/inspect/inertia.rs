@@ -124,7 +124,6 @@ const FIRST_SHIFT: f64 = 32.0;
 /// The error below which pivoting does not improve a factorization, in the same units.
 const STABLE: f64 = 64.0;
 
-/// The largest order of a dense factorization.
 const LARGEST_DENSE_FACTOR: usize = 2000;
 
 /// Gaussian vectors that measure a factorization: its error is underestimated with probability 10⁻⁶.
@@ -298,7 +297,6 @@ pub(super) fn definite_by_blocks(operator: &SystemOperator<'_>, a: &SymmetricMat
     is_definite.then(|| Inertia { proven: !is_hub, ..Inertia::definite(n) })
 }
 
-/// The smallest mass of a particle that can move.
 pub(super) fn lightest(system: &System) -> f64 {
     let free = system.masses().iter().enumerate().filter(|(p, _)| !system.dofs().rows(*p).is_empty());
     free.map(|(_, mass)| *mass).fold(f64::INFINITY, f64::min)
@@ -328,7 +326,7 @@ pub(super) fn largest_at_particle(
 
 /// `C = S A S` with powers of two on the diagonal of S, three rounds of dividing rows and columns by the root of their
 /// largest entry (Ruiz 2001). An empty row stays.
-pub(super) fn equilibrated(a: &SymmetricMatrix) -> SymmetricMatrix {
+fn equilibrated(a: &SymmetricMatrix) -> SymmetricMatrix {
     let mut c = a.clone();
     let n = a.order();
     let (mut largest, mut scaling) = (vec![0.0; n], vec![0.0; n]);

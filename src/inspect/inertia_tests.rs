@@ -1,6 +1,6 @@
 //! Counts of small matrices that are known by hand, by every factorization.
 
-use super::inertia::{Inertia, InertiaCounter, InertiaMethod, definite_by_blocks, dense_signs, equilibrated};
+use super::inertia::{Inertia, InertiaCounter, InertiaMethod, definite_by_blocks, dense_signs};
 use crate::assembly::SymmetricMatrix;
 use crate::force::SpringGeometry;
 use crate::inspect::tests::chain;
@@ -65,38 +65,6 @@ fn what_lies_in_the_band_is_neither_negative_nor_positive() {
         assert_eq!((found.method, found.is_definite()), (InertiaMethod::Sparse, delta < 0.0));
         assert_eq!(work.factorizations, if delta < 0.0 { 1 } else { 2 });
     }
-}
-
-/// The error is the larger of both factorizations'.
-#[test]
-fn the_error_is_that_of_the_worse_factorization() {
-    for particles in 2..12 {
-        let entry = |row: usize, column: usize| {
-            noise(row, column) + if row == column { 4.0 * (-1f64).powi(row as i32) } else { 0.0 }
-        };
-        let a = banded(particles, 2, entry);
-        let n = a.order();
-        let found = counter(&a).count(&a, &mut Work::default());
-        let shift = found.band / 1.5;
-        let c = equilibrated(&a);
-        let scale = c.norm_inf(&mut vec![0.0; n]);
-        let error = |shift: f64| {
-            counter(&a).factor(&c, shift * scale, scale, shift.abs(), found.method, &mut Work::default()).error
-        };
-        assert_eq!(found.factorization_error, error(shift).max(error(-shift)));
-    }
-}
-
-/// Without rows all is certain, without finite entries nothing is; neither is factored.
-#[test]
-fn nothing_is_factored_where_nothing_can_be_counted() {
-    let mut work = Work::default();
-    let none = banded(0, 0, |_, _| 0.0);
-    let empty = Inertia { factorization_error: 0.0, method: InertiaMethod::Sparse, ..Inertia::undecided(0, 0.0) };
-    assert_eq!(counter(&none).count(&none, &mut work), empty);
-    let infinite = banded(1, 0, |row, column| if row == column { -f64::INFINITY } else { 0.0 });
-    assert_eq!(counter(&infinite).count(&infinite, &mut work), Inertia::undecided(3, f64::INFINITY));
-    assert_eq!(work, Work::default());
 }
 
 /// Stretched springs prove it, compressed ones and none at all do not.

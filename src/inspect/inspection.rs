@@ -40,7 +40,6 @@ pub enum Part {
 }
 
 impl Part {
-    /// Every part, in no particular order.
     pub(super) fn all() -> impl Iterator<Item = Self> {
         let of_each = [Self::Signs, Self::Spectrum, Self::Definite, Self::Stable];
         [Self::FirstAnswer, Self::GrowingModes, Self::SmallestSet, Self::Curve]
@@ -150,7 +149,6 @@ pub struct Inspection {
     pub estimated: Vec<Part>,
     /// The work of the inspection.
     pub work: Work,
-    /// Parallelism of the factorizations.
     pub(super) par: Par,
 }
 
@@ -158,8 +156,14 @@ pub struct Inspection {
 pub(super) const DIRECTIONS: usize = 24;
 
 impl Inspection {
-    /// Nothing is known yet.
-    pub(super) fn unknown(system: &System, extensions: &SpringGeometry, dt: f64, option: Stiffness) -> Self {
+    /// Nothing is known, for a reason.
+    pub(super) fn unknown(
+        system: &System,
+        extensions: &SpringGeometry,
+        dt: f64,
+        option: Stiffness,
+        why: SkipReason,
+    ) -> Self {
         let compressed = extensions.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at));
         let unknown = |option| OptionInspection {
             option,
@@ -184,7 +188,7 @@ impl Inspection {
             clusters: Vec::new(),
             turn: None,
             smallest_set: None,
-            skipped: Vec::new(),
+            skipped: Part::all().map(|part| Skipped { part, why }).collect(),
             estimated: Vec::new(),
             work: Work::default(),
             par: Par::Seq,
@@ -254,7 +258,6 @@ impl Inspection {
     }
 }
 
-/// The index of an option in [`Stiffness::ALL`].
 pub(super) fn index_of(option: Stiffness) -> usize {
     match option {
         Stiffness::Full => 0,
@@ -344,11 +347,9 @@ pub(super) fn quick_check(
 mod tests {
     use super::*;
     use crate::inspect::tests::chain;
-    use crate::integrate::StepMatrices;
     use crate::linear::fixtures::banded;
     use crate::spring::Spring;
     use crate::system::SystemBuilder;
-    use std::cell::Cell;
 
     /// The number of equal ones among the lowest eigenvalues that were found, of so many negative, zero and positive ones; in words.
     #[test]
@@ -356,7 +357,7 @@ mod tests {
         let (system, state) = chain(1, 1.25);
         let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let fold = |lowest: &[f64], [negative, zero, positive]: [usize; 3]| {
-            let mut found = Inspection::unknown(&system, &extensions, 0.1, Stiffness::Tension);
+            let mut found = Inspection::unknown(&system, &extensions, 0.1, Stiffness::Tension, SkipReason::Interrupted);
             let pair = |&value: &f64| Eigenpair { value, vector: Vec::new(), residual: 0.0 };
             found.spectrum.lowest = lowest.iter().map(pair).collect();
             let inertia = &mut found.options[index_of(Stiffness::Tension)].inertia;
@@ -386,58 +387,6 @@ mod tests {
         let without = whole.clone().without_curve();
         assert_eq!(without.skipped, [Skipped { part: Part::Curve, why: SkipReason::Interrupted }]);
         assert!(without != whole && without.clone().without_curve() == without);
-    }
-
-    struct Counted<'a> {
-        a: &'a SymmetricMatrix,
-        products: Cell<usize>,
-    }
-
-    impl LinearOperator for Counted<'_> {
-        fn order(&self) -> usize {
-            self.a.order()
-        }
-
-        fn apply(&self, w: &[f64], y: &mut [f64]) {
-            self.products.set(self.products.get() + 1);
-            self.a.apply(w, y);
-        }
-    }
-
-    /// A chain pressed to four fifths of its length, in a plane, at a step for which A is visibly indefinite, one for which only a factorization
-    /// tells (λ_min is −10⁻⁹ of ‖A‖), and a safe one: at most one factorization, three solves and sixty products.
-    #[test]
-    fn it_costs_one_factorization_at_most() {
-        let free = 400;
-        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
-        for p in 0..free + 2 {
-            builder.particle([p as f64, 0.0, 0.0], 2.0);
-        }
-        for p in 0..=free {
-            builder.spring(p, p + 1, Spring { stiffness: 50.0, rest_length: 1.25, damping: 0.0 });
-        }
-        builder.hold(0);
-        builder.hold(free + 1);
-        let (system, state) = builder.build().unwrap();
-        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
-        // Across the chain A has 2/dt² − 10 μ, μ up to this.
-        let highest = 4.0 * (free as f64 * std::f64::consts::PI / (2.0 * (free + 1) as f64)).sin().powi(2);
-        for (inertia, definite, factorizations) in
-            [(33.0, false, 0), (10.0 * highest - 1e-7, false, 1), (10.0 * highest + 1e-7, true, 1), (60.0, true, 1)]
-        {
-            let a = StepMatrices::assemble(&system, &state, Stiffness::Full, (2.0f64 / inertia).sqrt()).unwrap().a;
-            let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
-            let counted = Counted { a: &a, products: Cell::new(0) };
-            let mut work = Work::default();
-            let full = Stiffness::Full;
-            let first = quick_check(&system, &extensions, full, &a, &counted, &mut factorization, &mut work).unwrap();
-            assert_eq!((first.definite, work.factorizations), (definite, factorizations), "{inertia}");
-            assert!(work.solves <= 3 && counted.products.get() <= 60, "{work:?}");
-            // What a factorization refuses is bettered by all of them.
-            assert!(definite || work.solves == 3 * factorizations, "{work:?}");
-            let proven = if definite { factorizations == 1 } else { first.direction.eigenvalue < 0.0 };
-            assert!(proven && first.is_proven);
-        }
     }
 
     /// The answer for a diagonal matrix of three rows, its factorizations and solves.

@@ -6,9 +6,10 @@
 
 use super::critical::{CriticalSteps, Known as KnownOfLimit, Property};
 use super::inertia::{InertiaCounter, InertiaMethod, definite_by_blocks, lightest};
-use super::inspection::{DIRECTIONS, Inspection, Part, SkipReason, Skipped, index_of, quick_check};
+use super::inspection::{DIRECTIONS, Inspection, Part, SkipReason, index_of, quick_check};
+use super::oracle::Oracle;
 use super::rotation_limit::RotationLimit;
-use super::smallest_set::{Trial, smallest_set_with};
+use super::smallest_set::{self, Trial};
 use super::spectrum::{Known, LARGEST_DENSE, spectrum_with};
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::eigen::Accuracy;
@@ -71,27 +72,20 @@ impl Inspection {
         };
         let mut order = Stiffness::ALL;
         order.sort_by_key(|&each| each != option);
-        // The factorization of a spectrum is of use for the rotation limit.
-        let of_others: Vec<Part> = order
-            .iter()
-            .flat_map(|&each| {
-                let spectrum = (each != option).then_some(Part::Spectrum(each));
-                let turning = matches!(each, Stiffness::Tension | Stiffness::Axial).then_some(Part::Turning(each));
-                [spectrum, turning].into_iter().flatten()
-            })
-            .collect();
-        let parts: Vec<Part> = [
-            &[Part::FirstAnswer][..],
-            &order.map(Part::Signs),
-            &[Part::GrowingModes, Part::Spectrum(option), Part::Definite(option), Part::Stable(option)],
-            &[Part::SmallestSet],
-            &of_others,
-            &order.map(Part::Definite)[1..],
-            &order.map(Part::Stable)[1..],
-            // Drawn by [`Pictures`](super::Pictures), if it is affordable.
-            &[Part::Curve],
-        ]
-        .concat();
+        let mut parts = vec![Part::FirstAnswer];
+        parts.extend(order.map(Part::Signs));
+        parts.extend([Part::GrowingModes, Part::Spectrum(option), Part::Definite(option), Part::Stable(option)]);
+        parts.push(Part::SmallestSet);
+        for each in order {
+            parts.extend((each != option).then_some(Part::Spectrum(each)));
+            // The factorization of a spectrum is of use for the rotation limit.
+            parts.extend(matches!(each, Stiffness::Tension | Stiffness::Axial).then_some(Part::Turning(each)));
+        }
+        parts.extend(
+            [Part::Definite, Part::Stable].into_iter().flat_map(|part| order[1..].iter().map(move |&each| part(each))),
+        );
+        // Drawn by [`Pictures`](super::Pictures), if it is affordable.
+        parts.push(Part::Curve);
         // Under `Full` both properties coincide, see [`CriticalSteps`].
         for part in parts.into_iter().filter(|part| *part != Part::Stable(Stiffness::Full)) {
             if inspector.inspect(part)? {
@@ -129,19 +123,18 @@ impl<'s> Inspector<'s> {
         let extensions = SpringGeometry::at(system, state)?;
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let factorization = Ldlt::analyse(pattern.pattern(), par)?;
-        let shared = || Ldlt::sharing(&factorization);
-        let nothing = Work::default();
+        let oracle = || Ok::<_, Error>(Oracle::new(pattern.clone(), Ldlt::sharing(&factorization)?));
         Ok(Self {
             system,
-            critical: CriticalSteps::analysed(system, extensions.clone(), pattern.clone(), shared()?, nothing)?,
-            rotation: RotationLimit::analysed(system, state, extensions.clone(), pattern.clone(), shared()?, nothing),
+            critical: CriticalSteps::analysed(system, extensions.clone(), oracle()?)?,
+            rotation: RotationLimit::analysed(system, state, extensions.clone(), oracle()?),
             counter: InertiaCounter::sharing(&factorization)?,
-            budget: Budget::new(Cost::of(&factorization.size(), system.dofs().len()), most, Part::all()),
+            budget: Budget::new(Cost::of(&factorization.size(), system.dofs().len()), most),
             factorization,
             factored: None,
             pattern,
             work: Work { symbolic_factorizations: 1, ..Work::default() },
-            found: Inspection { par, ..Inspection::unknown(system, &extensions, dt, option) },
+            found: Inspection { par, ..Inspection::unknown(system, &extensions, dt, option, SkipReason::Interrupted) },
             extensions,
         })
     }
@@ -154,7 +147,6 @@ impl<'s> Inspector<'s> {
         (operator, a)
     }
 
-    /// The facts about A under `Full` for the limit of its definiteness.
     fn known(&self) -> KnownOfLimit {
         let is_counted = !self.found.lacks(Part::GrowingModes);
         let lowest = self.found.spectrum.lowest.first().filter(|_| self.found.option == Stiffness::Full);
@@ -173,7 +165,8 @@ impl<'s> Inspector<'s> {
             _ => false,
         };
         if !known && !self.budget.affords(part) {
-            self.found.skipped.clone_from(&self.budget.skipped);
+            let covered = self.found.skipped.iter_mut().filter(|skipped| is_covered(skipped.part, part));
+            covered.for_each(|skipped| skipped.why = SkipReason::TooMuchWork);
             return Ok(false);
         }
         match part {
@@ -219,16 +212,15 @@ impl<'s> Inspector<'s> {
             Part::SmallestSet => {
                 if !known {
                     let Self { system, extensions, pattern, factorization, counter, work, found, .. } = self;
-                    let factorization = Ldlt::sharing(factorization)?;
-                    let trial = Trial::new(system, extensions, found.dt, pattern.clone(), factorization);
+                    let oracle = Oracle::new(pattern.clone(), Ldlt::sharing(factorization)?);
+                    let trial = Trial::new(system, extensions, found.dt, oracle);
                     let negative = found.options[0].inertia.negative;
-                    found.smallest_set = Some(smallest_set_with(trial, negative, counter, work));
+                    found.smallest_set = Some(smallest_set::search(trial, negative, counter, work));
                 }
             }
             Part::Curve => {}
         }
-        self.budget.done(part);
-        self.found.skipped.clone_from(&self.budget.skipped);
+        self.found.skipped.retain(|skipped| !is_covered(skipped.part, part));
         self.found.work = self.work;
         self.found.work.add(&self.critical.work);
         self.found.work.add(&self.rotation.work);
@@ -328,52 +320,40 @@ impl Cost {
     }
 }
 
-/// The budget, and the parts that are skipped as things stand.
-#[derive(Debug, Clone, PartialEq)]
-struct Budget {
-    cost: Cost,
-    left: f64,
-    spent: f64,
-    /// The cost of everything, within the budget.
-    whole: f64,
-    skipped: Vec<Skipped>,
-}
-
 /// Under `Full` the limits of definiteness and stability are the same.
 fn is_covered(part: Part, by: Part) -> bool {
     part == by || [part, by] == [Part::Stable(Stiffness::Full), Part::Definite(Stiffness::Full)]
 }
 
+/// Operations that are left and spent, and the cost of everything within the budget.
+#[derive(Debug, Clone, PartialEq)]
+struct Budget {
+    cost: Cost,
+    left: f64,
+    spent: f64,
+    whole: f64,
+}
+
 impl Budget {
-    /// Nothing is done yet; `most` operations to spend.
-    fn new(cost: Cost, most: f64, parts: impl IntoIterator<Item = Part>) -> Self {
-        let skipped: Vec<Skipped> =
-            parts.into_iter().map(|part| Skipped { part, why: SkipReason::Interrupted }).collect();
-        let whole = skipped.iter().map(|skipped| cost.part(skipped.part)).sum::<f64>().min(most);
-        Self { cost, left: most, spent: 0.0, whole, skipped }
+    /// `most` operations to spend.
+    fn new(cost: Cost, most: f64) -> Self {
+        let whole = Part::all().map(|part| cost.part(part)).sum::<f64>().min(most);
+        Self { cost, left: most, spent: 0.0, whole }
     }
 
-    /// Spends the cost of a part and returns `true`, or skips it for good.
+    /// Spends the cost of a part and returns `true`, unless less is left.
     fn affords(&mut self, part: Part) -> bool {
         let cost = self.cost.part(part);
-        if cost <= self.left {
+        let is_affordable = cost <= self.left;
+        if is_affordable {
             self.left -= cost;
             self.spent += cost;
-            return true;
         }
-        for skipped in self.skipped.iter_mut().filter(|skipped| is_covered(skipped.part, part)) {
-            skipped.why = SkipReason::TooMuchWork;
-        }
-        false
+        is_affordable
     }
 
-    /// The share of the work that is done, from 0 to 1.
     fn share(&self) -> f64 {
         (self.spent / self.whole.max(1.0)).min(1.0)
-    }
-
-    fn done(&mut self, part: Part) {
-        self.skipped.retain(|skipped| !is_covered(skipped.part, part));
     }
 }
 
@@ -386,17 +366,12 @@ mod tests {
     fn parts_are_skipped_when_they_cost_more_than_is_left() {
         let size = FactorSize { entries: 0, flops: 1.0, ordering: OrderingMethod::Natural };
         let cost = Cost::of(&size, 0);
+        let mut budget = Budget::new(cost, 11.0);
         let [first, second] = [Part::SmallestSet, Part::Definite(Stiffness::Full)];
-        let together = Part::Stable(Stiffness::Full);
-        let mut budget = Budget::new(cost, 11.0, [first, second, together, Part::GrowingModes]);
         assert!(budget.affords(first) && !budget.affords(second) && budget.affords(Part::GrowingModes));
-        budget.done(first);
-        let reasons = [SkipReason::TooMuchWork, SkipReason::TooMuchWork, SkipReason::Interrupted];
-        let parts = [second, together, Part::GrowingModes];
-        let expected: Vec<_> = parts.into_iter().zip(reasons).map(|(part, why)| Skipped { part, why }).collect();
-        assert_eq!(budget.skipped, expected);
-        budget.done(second);
-        assert_eq!(budget.skipped, expected[2..]);
-        assert!(Budget::new(cost, f64::INFINITY, []).affords(Part::Curve));
+        assert!(Budget::new(cost, f64::INFINITY).affords(Part::Curve));
+        assert!(
+            is_covered(Part::Stable(Stiffness::Full), second) && !is_covered(second, Part::Stable(Stiffness::Full))
+        );
     }
 }

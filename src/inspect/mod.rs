@@ -18,6 +18,7 @@ mod inertia;
 mod inspection;
 mod inspector;
 mod necessary;
+mod oracle;
 mod picture;
 mod rotation_limit;
 mod smallest_set;
@@ -33,7 +34,7 @@ pub use inspector::AFFORDABLE;
 pub use picture::Pictures;
 pub use rotation_limit::{MOST_BRAKED, MOST_STRETCHED, RotationLimit, Turn};
 pub use smallest_set::{DropSet, Minimality, smallest_set};
-pub use spectrum::{Spectrum, smallest_eigenvalue, spectrum};
+pub use spectrum::{Spectrum, spectrum};
 
 #[cfg(test)]
 mod critical_tests;

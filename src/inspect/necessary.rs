@@ -15,7 +15,8 @@
 
 use crate::assembly::SpringPattern;
 use crate::operator::SystemOperator;
-use nalgebra::{Cholesky, DMatrix};
+use crate::system::Dof;
+use nalgebra::{Cholesky, DMatrix, Matrix3};
 
 /// A column of `N_s`: rows and values.
 pub(super) type Column = Vec<(usize, f64)>;
@@ -65,42 +66,32 @@ impl<'a, 's> Necessity<'a, 's> {
 
     /// The need by the rows of these particles; zero where they do not tell.
     fn need_in(&self, patch: &[usize], columns: &[Column]) -> f64 {
-        let system = self.operator.system();
-        let dofs = system.dofs();
-        // The first row of each particle, and the number of rows.
-        let mut starts = vec![0];
-        starts.extend(patch.iter().scan(0, |rows, &p| {
-            *rows += dofs.rows(p).len();
-            Some(*rows)
-        }));
-        let size = starts[patch.len()];
-        let mut matrix = DMatrix::zeros(size, size);
+        let dofs = self.operator.system().dofs();
+        let mut whole = DMatrix::zeros(3 * patch.len(), 3 * patch.len());
+        let mut add = |k: usize, l: usize, block: Matrix3<f64>| {
+            let mut part = whole.fixed_view_mut::<3, 3>(3 * k, 3 * l);
+            part += block;
+        };
         for (k, &p) in patch.iter().enumerate() {
-            let own = self.operator.particle_block(p);
-            for (r, a) in dofs.free_axes(p).iter().enumerate() {
-                for (c, b) in dofs.free_axes(p).iter().enumerate() {
-                    matrix[(starts[k] + r, starts[k] + c)] += own[(a, b)];
-                }
-            }
+            add(k, k, self.operator.particle_block(p));
             for position in self.pattern.springs_at(p) {
                 let block = self.operator.blocks()[position].matrix();
-                let other = self.other(position, p);
-                let beside = patch.iter().position(|&q| q == other).map(|l| (l, other, -1.0));
-                for (l, q, sign) in [Some((k, p, 1.0)), beside].into_iter().flatten() {
-                    for (r, a) in dofs.free_axes(p).iter().enumerate() {
-                        for (c, b) in dofs.free_axes(q).iter().enumerate() {
-                            matrix[(starts[k] + r, starts[l] + c)] += sign * block[(a, b)];
-                        }
-                    }
+                add(k, k, block);
+                if let Some(l) = patch.iter().position(|&q| q == self.other(position, p)) {
+                    add(k, l, -block);
                 }
             }
         }
-        let Some(factored) = Cholesky::new(matrix) else { return 0.0 };
+        let free =
+            |(k, &p): (usize, &usize)| dofs.free_axes(p).iter().map(move |axis| 3 * k + axis).collect::<Vec<_>>();
+        let rows: Vec<usize> = patch.iter().enumerate().flat_map(free).collect();
+        let Some(factored) = Cholesky::new(whole.select_rows(&rows).select_columns(&rows)) else { return 0.0 };
         let place = |row: usize| {
-            let k = patch.iter().position(|&p| dofs.rows(p).contains(&row))?;
-            Some(starts[k] + row - dofs.rows(patch[k]).start)
+            let Dof { particle, axis } = dofs.dof(row);
+            let k = patch.iter().position(|&p| p == particle)?;
+            rows.iter().position(|&row| row == 3 * k + axis)
         };
-        let mut n = DMatrix::zeros(size, columns.len());
+        let mut n = DMatrix::zeros(rows.len(), columns.len());
         for (c, column) in columns.iter().enumerate() {
             for &(row, value) in column {
                 let Some(place) = place(row) else { return 0.0 };

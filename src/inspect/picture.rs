@@ -2,7 +2,7 @@
 
 use super::inertia::{Inertia, lightest};
 use super::inspection::{Inspection, Part, SkipReason};
-use super::spectrum::{LARGEST_DENSE, smallest_eigenvalue_with};
+use super::spectrum::{LARGEST_DENSE, smallest_eigenvalue};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::eigen::Accuracy;
 use crate::error::Result;
@@ -160,8 +160,7 @@ fn curve_of(
         for dt in steps.clone() {
             let operator = SystemOperator::new(system, extensions, option, Combination::step(dt));
             let a = SystemMatrix::assemble(pattern.clone(), &operator).into_matrix();
-            let scaled =
-                smallest_eigenvalue_with(factorization, &a, Accuracy::CERTIFIED, &mut work) * dt * dt / lightest;
+            let scaled = smallest_eigenvalue(factorization, &a, Accuracy::CERTIFIED, &mut work) * dt * dt / lightest;
             // The curve begins at 1; what matters lies between that and zero.
             if scaled > 3.0 {
                 break;

@@ -36,7 +36,7 @@
 //! Stiefel 1952). The error e has `eᵀP(s)e = rᵀP(s)⁻¹r ≤ rᵀM⁻¹r/s²`, which is compared with `xᵀP(s)x = xᵀb`.
 
 use super::critical::LargestStep;
-use crate::assembly::{SpringPattern, SystemMatrix};
+use super::oracle::Oracle;
 use crate::error::Result;
 use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
 use crate::linear::{Ldlt, dot};
@@ -46,7 +46,6 @@ use crate::system::{State, System};
 use crate::work::Work;
 use faer::Par;
 use nalgebra::Vector3;
-use std::sync::Arc;
 
 /// The rotation of a spring in a step, and its effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -176,11 +175,9 @@ pub struct RotationLimit<'s> {
     state: &'s State,
     extensions: SpringGeometry,
     operator: SystemOperator<'s>,
-    matrix: SystemMatrix,
-    factorization: Ldlt,
+    oracle: Oracle,
     /// The option and dt of the matrix that is factored.
     factored: Option<(Stiffness, f64)>,
-    /// m of every degree of freedom.
     masses: Vec<f64>,
     /// `g + f_el`, full-length.
     force: Vec<Vector3<f64>>,
@@ -196,47 +193,32 @@ impl<'s> RotationLimit<'s> {
     /// # Errors
     /// Coincident ends of a spring; a matrix that is too large.
     pub fn new(system: &'s System, state: &'s State, par: Par) -> Result<Self> {
-        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
-        let factorization = Ldlt::analyse(pattern.pattern(), par)?;
-        let work = Work { symbolic_factorizations: 1, ..Work::default() };
-        Ok(Self::analysed(system, state, SpringGeometry::at(system, state)?, pattern, factorization, work))
+        let mut work = Work::default();
+        let oracle = Oracle::analyse(system, par, &mut work)?;
+        let mut limit = Self::analysed(system, state, SpringGeometry::at(system, state)?, oracle);
+        limit.work.add(&work);
+        Ok(limit)
     }
 
-    /// As [`new`](Self::new), on a pattern that has been analysed.
-    pub(super) fn analysed(
-        system: &'s System,
-        state: &'s State,
-        extensions: SpringGeometry,
-        pattern: Arc<SpringPattern>,
-        factorization: Ldlt,
-        work: Work,
-    ) -> Self {
+    /// As [`new`](Self::new), with an analysed pattern.
+    pub(super) fn analysed(system: &'s System, state: &'s State, extensions: SpringGeometry, oracle: Oracle) -> Self {
         let operator = SystemOperator::new(system, &extensions, Stiffness::Tension, Combination::STIFFNESS);
-        let matrix = SystemMatrix::zeros(pattern);
         let mut force = vec![Vector3::zeros(); system.particles()];
         add_weight(system, &mut force);
         add_external_forces(system, &state.moment(), &mut force);
         add_elastic_force(system, &extensions, &mut force);
-        let displacement = vec![Vector3::zeros(); system.particles()];
-        let reduced = vec![0.0; system.dofs().len()];
-        let work = Work { force_evaluations: work.force_evaluations + 1, ..work };
-        let mut masses = vec![0.0; system.dofs().len()];
-        for (particle, mass) in system.masses().iter().enumerate() {
-            masses[system.dofs().rows(particle)].fill(*mass);
-        }
         Self {
+            operator,
+            oracle,
+            factored: None,
+            masses: system.dofs().iter().map(|dof| system.masses()[dof.particle]).collect(),
+            force,
+            displacement: vec![Vector3::zeros(); system.particles()],
+            reduced: vec![0.0; system.dofs().len()],
+            work: Work { force_evaluations: 1, ..Work::default() },
             system,
             state,
             extensions,
-            operator,
-            matrix,
-            factorization,
-            factored: None,
-            masses,
-            force,
-            displacement,
-            reduced,
-            work,
         }
     }
 
@@ -266,42 +248,35 @@ impl<'s> RotationLimit<'s> {
     /// Solves for the step, with the factor at hand if that is of a step at most eight times as long or short.
     fn solve(&mut self, solved: Stiffness, dt: f64) -> bool {
         let right = self.reduced.clone();
-        let Self { operator, factorization, masses, work, .. } = self;
-        let mut substitute = |r: &mut [f64]| {
-            work.solves += 1;
-            factorization.substitute(r);
-        };
-        match self.factored {
-            Some((option, at)) if option == solved && at == dt => {
-                substitute(&mut self.reduced);
+        let Self { operator, oracle, masses, work, reduced, .. } = self;
+        if let Some((_, at)) = self.factored.filter(|(option, _)| *option == solved) {
+            let mut substitute = |r: &mut [f64]| {
+                work.solves += 1;
+                oracle.factorization.substitute(r);
+            };
+            if at == dt {
+                substitute(reduced);
                 return true;
             }
-            Some((option, at))
-                if option == solved
-                    && (0.125..=8.0).contains(&(dt / at))
-                    && conjugate_gradients(operator, dt.recip(), masses, &mut substitute, &mut self.reduced) =>
-            {
+            let is_near = (0.125..=8.0).contains(&(dt / at));
+            if is_near && conjugate_gradients(operator, dt.recip(), masses, &mut substitute, reduced) {
                 return true;
             }
-            _ => {}
         }
         self.factored = None;
-        self.matrix.refill(&self.operator);
-        self.work.assemblies += 1;
-        self.work.factorizations += 1;
-        if self.factorization.factor(self.matrix.matrix()).is_err() || !self.factorization.is_positive() {
+        if !oracle.is_definite(operator, work) {
             return false;
         }
-        self.reduced.copy_from_slice(&right);
-        self.work.solves += 1;
-        self.factorization.substitute(&mut self.reduced);
+        reduced.copy_from_slice(&right);
+        work.solves += 1;
+        oracle.factorization.substitute(reduced);
         self.factored = Some((solved, dt));
         true
     }
 
     /// Takes over the factorization of A for a step of this length under an option.
     pub(super) fn take_over(&mut self, option: Stiffness, dt: f64, factorization: &mut Ldlt) {
-        std::mem::swap(&mut self.factorization, factorization);
+        std::mem::swap(&mut self.oracle.factorization, factorization);
         self.factored = Some((option, dt));
     }
 

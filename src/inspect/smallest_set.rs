@@ -23,18 +23,17 @@
 
 use super::inertia::InertiaCounter;
 use super::necessary::{Column, NECESSARY, Necessity, fewest};
-use crate::assembly::{SpringPattern, SystemMatrix};
+use super::oracle::Oracle;
 use crate::error::Result;
 use crate::force::SpringGeometry;
 use crate::integrate::Regularization;
-use crate::linear::{Ldlt, SOLVE_COLUMNS, norm};
+use crate::linear::{SOLVE_COLUMNS, norm};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::{Spring, Stiffness};
 use crate::system::System;
 use crate::work::Work;
 use faer::Par;
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
-use std::sync::Arc;
 
 /// A set of springs without whose transverse terms A is positive definite, proven by a factorization.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,20 +69,13 @@ pub fn smallest_set(
     par: Par,
     work: &mut Work,
 ) -> Result<DropSet> {
-    let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
-    let factorization = Ldlt::analyse(pattern.pattern(), par)?;
-    work.symbolic_factorizations += 1;
-    let counter = &mut InertiaCounter::sharing(&factorization)?;
-    Ok(smallest_set_with(Trial::new(system, extensions, dt, pattern, factorization), 0, counter, work))
+    let oracle = Oracle::analyse(system, par, work)?;
+    let counter = &mut InertiaCounter::sharing(&oracle.factorization)?;
+    Ok(search(Trial::new(system, extensions, dt, oracle), 0, counter, work))
 }
 
-/// As [`smallest_set`], on an analysed pattern; A may be known to have negative eigenvalues.
-pub(super) fn smallest_set_with(
-    mut trial: Trial,
-    negative: usize,
-    counter: &mut InertiaCounter,
-    work: &mut Work,
-) -> DropSet {
+/// As [`smallest_set`]; A may be known to have negative eigenvalues.
+pub(super) fn search(mut trial: Trial<'_>, negative: usize, counter: &mut InertiaCounter, work: &mut Work) -> DropSet {
     let (system, extensions) = (trial.system, trial.extensions);
     let compressed = extensions.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at));
     let tension = compressed.count();
@@ -102,7 +94,7 @@ pub(super) fn smallest_set_with(
         if trial.is_definite(&necessary, work) {
             return set(&necessary, Minimality::Irredundant, necessary.len());
         }
-        let left = counter.count(trial.matrix.matrix(), work).negative.max(1);
+        let left = counter.count(trial.oracle.matrix.matrix(), work).negative.max(1);
         let others = terms.iter().filter(|term| term.need < NECESSARY).map(|term| term.rank);
         at_least = at_least.max(necessary.len() + fewest(left, others));
     }
@@ -110,7 +102,7 @@ pub(super) fn smallest_set_with(
         let all: Vec<usize> = (0..extensions.as_slice().len()).filter(|&p| trial.taken(p) > 0.0).collect();
         return set(&all, Minimality::Enough, at_least);
     };
-    if !is_affordable(enough.len(), trial.factorization.size().entries) {
+    if !is_affordable(enough.len(), trial.oracle.factorization.size().entries) {
         return set(&enough, Minimality::Enough, at_least);
     }
     let (chosen, minimality) = trial.irredundant(&enough, work);
@@ -141,31 +133,22 @@ pub(super) struct Trial<'s> {
     extensions: &'s SpringGeometry,
     combination: Combination,
     operator: SystemOperator<'s>,
-    pattern: Arc<SpringPattern>,
-    matrix: SystemMatrix,
-    factorization: Ldlt,
+    oracle: Oracle,
     options: Vec<Stiffness>,
     /// c of every active spring; zero where it is stretched.
     taken: Vec<f64>,
 }
 
 impl<'s> Trial<'s> {
-    /// For a step of length dt, on an analysed pattern.
-    pub fn new(
-        system: &'s System,
-        extensions: &'s SpringGeometry,
-        dt: f64,
-        pattern: Arc<SpringPattern>,
-        factorization: Ldlt,
-    ) -> Self {
+    /// For a step of length dt, with an analysed pattern.
+    pub fn new(system: &'s System, extensions: &'s SpringGeometry, dt: f64, oracle: Oracle) -> Self {
         let combination = Combination::step(dt);
         let operator = SystemOperator::new(system, extensions, Stiffness::Full, combination);
-        let matrix = SystemMatrix::zeros(pattern.clone());
         let options = vec![Stiffness::Full; extensions.as_slice().len()];
         let block = |spring: &Spring, at| spring.stiffness_block(at, Stiffness::Full);
         let taken = extensions.springs(system).map(|((_, _, spring), at)| (-block(spring, at).transverse).max(0.0));
         let taken = taken.collect();
-        Self { system, extensions, combination, operator, pattern, matrix, factorization, options, taken }
+        Self { system, extensions, combination, operator, oracle, options, taken }
     }
 
     fn taken(&self, position: usize) -> f64 {
@@ -181,16 +164,12 @@ impl<'s> Trial<'s> {
         }
         let options = &self.options;
         self.operator.update_each(self.extensions, self.combination, |position| options[position]);
-        self.matrix.refill(&self.operator);
-        work.assemblies += 1;
-        work.factorizations += 1;
-        self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive()
+        self.oracle.is_definite(&self.operator, work)
     }
 
-    /// The terms of all active springs.
     fn terms(&mut self) -> Vec<Term> {
         self.operator.update(self.extensions, Stiffness::Tension, self.combination);
-        let necessity = Necessity::new(&self.operator, &self.pattern);
+        let necessity = Necessity::new(&self.operator, &self.oracle.pattern);
         let term = |(position, &spring): (usize, &u32)| match self.taken(position) > 0.0 {
             false => Term { rank: 0, need: 0.0 },
             true => {
@@ -247,7 +226,7 @@ impl<'s> Trial<'s> {
             for (column, z) in together.iter().zip(z.chunks_mut(n)) {
                 column.iter().for_each(|&(row, value)| z[row] = value);
             }
-            self.factorization.substitute_columns(n, &mut z);
+            self.oracle.factorization.substitute_columns(n, &mut z);
             work.solves += together.len() as u64;
             for (c, z) in z.chunks(n).enumerate() {
                 for (r, row) in columns.iter().enumerate() {
@@ -361,7 +340,6 @@ fn choose(h: &DMatrix<f64>, owners: &[usize], count: usize, most: f64) -> (Vec<u
     (if other.len() < order.len() { other } else { order }, Minimality::Irredundant)
 }
 
-/// Two unit vectors across n.
 fn across(n: &Vector3<f64>) -> [Vector3<f64>; 2] {
     let axis = Vector3::ith(n.iamin(), 1.0);
     let first = n.cross(&axis).normalize();
@@ -423,12 +401,6 @@ mod tests {
         let (many, work) = set(&[(15.0, 2); 600]);
         assert_eq!((many.springs.len(), many.tension, many.minimality), (600, 1200, Minimality::Enough));
         assert_eq!(work, [1, 5, 5, 0]);
-    }
-
-    #[test]
-    fn a_set_is_smallest_where_no_fewer_springs_are_enough() {
-        let of = |at_least| DropSet { springs: vec![3, 7], minimality: Minimality::Enough, at_least, tension: 9 };
-        assert_eq!([1, 2, 3].map(|at_least| of(at_least).is_smallest()), [false, true, true]);
     }
 
     /// 128 terms are few enough to begin with all of them. Of 130, 121 of them necessary, the nine others are too few to be halved.

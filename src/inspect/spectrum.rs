@@ -29,7 +29,6 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
-    /// An unknown spectrum.
     pub(super) fn unknown() -> Self {
         let anywhere = [f64::NEG_INFINITY, f64::INFINITY];
         let (lowest, largest, condition) = (Vec::new(), f64::NAN, f64::NAN);
@@ -47,7 +46,6 @@ impl Spectrum {
     }
 }
 
-/// The largest order of a matrix that is diagonalised whole.
 pub(super) const LARGEST_DENSE: usize = 240;
 
 /// The lowest `wanted` eigenpairs (all, for a small matrix), the largest eigenvalue and the condition number. `inertia` is that of A.
@@ -59,7 +57,6 @@ pub fn spectrum(a: &SymmetricMatrix, inertia: &Inertia, wanted: usize, par: Par,
     Ok(spectrum_with(&mut Ldlt::analyse(a.pattern(), par)?, a, inertia, wanted, &mut Known::nothing(a), work))
 }
 
-/// Facts about A before its spectrum is computed.
 pub(super) struct Known<'a> {
     /// A, by its fastest products.
     pub products: &'a dyn LinearOperator,
@@ -123,39 +120,8 @@ pub(super) fn spectrum_with(
     Spectrum { condition, lowest, largest, smallest_within, largest_within }
 }
 
-/// λ_min alone, in N/m; NaN where A is empty or has entries that are not finite.
-///
-/// # Errors
-/// A matrix that is too large to factor.
-///
-/// # Examples
-/// ```
-/// use faer::Par;
-/// use sprung::Stiffness;
-/// use sprung::inspect::smallest_eigenvalue;
-/// use sprung::integrate::StepMatrices;
-/// use sprung::work::Work;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, state) = builder.build()?;
-/// let step = StepMatrices::assemble(&system, &state, Stiffness::Full, 1.0)?;
-/// // M/dt² = 1 N/m, and the spring under compression has k (1/l0 − 1/l) = −10 N/m across.
-/// let smallest = smallest_eigenvalue(&step.a, Par::Seq, &mut Work::default())?;
-/// assert!((smallest + 9.0).abs() < 1e-9);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-pub fn smallest_eigenvalue(a: &SymmetricMatrix, par: Par, work: &mut Work) -> Result<f64> {
-    work.symbolic_factorizations += 1;
-    Ok(smallest_eigenvalue_with(&mut Ldlt::analyse(a.pattern(), par)?, a, Accuracy::FULL, work))
-}
-
-/// As [`smallest_eigenvalue`], with an analysed factorization.
-pub(super) fn smallest_eigenvalue_with(
+/// λ_min alone, in N/m, with an analysed factorization; NaN where A is empty or has entries that are not finite.
+pub(super) fn smallest_eigenvalue(
     factorization: &mut Ldlt,
     a: &SymmetricMatrix,
     accuracy: Accuracy,
@@ -183,15 +149,9 @@ const RECURRENCE: f64 = 1e-11;
 
 fn diagonalise(a: &SymmetricMatrix) -> Option<SymmetricEigen<f64, Dyn>> {
     let n = a.order();
-    let mut matrix = DMatrix::zeros(n, n);
-    for (row, column, value) in a.iter() {
-        matrix[(row, column)] = value;
-        matrix[(column, row)] = value;
-    }
-    SymmetricEigen::try_new(matrix, f64::EPSILON, 100 * n)
+    SymmetricEigen::try_new(DMatrix::from(&a.to_csc()), f64::EPSILON, 100 * n)
 }
 
-/// All eigenpairs of a small matrix.
 fn dense(a: &SymmetricMatrix, inertia: &Inertia, norm: f64) -> Option<Spectrum> {
     let n = a.order();
     let eigen = diagonalise(a)?;
@@ -212,7 +172,6 @@ fn dense(a: &SymmetricMatrix, inertia: &Inertia, norm: f64) -> Option<Spectrum> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inspect::smallest_eigenvalue;
     use crate::linear::fixtures::banded;
 
     fn diagonal(n: usize, value: impl Fn(usize) -> f64) -> SymmetricMatrix {
@@ -229,7 +188,8 @@ mod tests {
         for a in [diagonal(0, |_| 0.0), diagonal(3, |_| f64::INFINITY), diagonal(300, |_| f64::NAN)] {
             let found = spectrum(&a, &signs(0, 0, a.dofs().len()), 1, Par::Seq, &mut work).unwrap();
             assert!(found.lowest.is_empty() && found.largest.is_nan() && found.condition.is_nan());
-            assert!(smallest_eigenvalue(&a, Par::Seq, &mut work).unwrap().is_nan());
+            let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
+            assert!(smallest_eigenvalue(&mut factorization, &a, Accuracy::FULL, &mut work).is_nan());
         }
         assert_eq!((work.factorizations, work.solves), (0, 0));
     }

@@ -3,11 +3,7 @@
 //! With N free particles of mass m and springs of stiffness k, rest length l0 and length l, −K has along the chain the eigenvalues
 //! `(k/l0) μⱼ` and across it `k (1/l0 − 1/l) μⱼ`, with `μⱼ = 4 sin²(jπ/(2(N + 1)))`, j = 1 … N; A has `m/dt²` more.
 
-use super::{
-    CriticalSteps, Inertia, InertiaMethod, Inspection, LargestStep, Minimality, Part, Property, SkipReason, spectrum,
-};
-use crate::force::SpringGeometry;
-use crate::inspect::smallest_set;
+use super::{Inertia, InertiaMethod, Inspection, LargestStep, Part, SkipReason, spectrum};
 use crate::integrate::StepMatrices;
 use crate::linear::norm;
 use crate::spring::{Spring, Stiffness};
@@ -96,34 +92,6 @@ fn spectra_are_those_of_the_closed_form() {
     }
 }
 
-/// A is definite as long as `m/dt²` outweighs `k (1/l − 1/l0) μ_N`; with the axial option the motion across a stretched chain is
-/// stable as long as `4 m/dt²` outweighs `k (1/l0 − 1/l) μ_N`.
-#[test]
-fn critical_steps_are_those_of_the_closed_form() {
-    for free in [5, 40] {
-        let highest = mu(free)[free - 1];
-        let check = |rest_length: f64, property, option, expected: Option<f64>| {
-            let (system, state) = chain(free, rest_length);
-            let mut steps = CriticalSteps::new(&system, &state, Par::Seq).unwrap();
-            match (steps.largest_step(property, option), expected) {
-                (LargestStep::Every, None) => {}
-                (LargestStep::UpTo { dt, refused }, Some(expected)) => {
-                    assert!(dt < refused && refused < dt * (1.0 + 1e-6), "{dt} {refused}");
-                    assert!((dt / expected - 1.0).abs() < 1e-6, "{dt} {expected}");
-                }
-                (found, _) => panic!("{found:?}, not {expected:?}"),
-            }
-            assert!(steps.work.factorizations > 0);
-        };
-        let [_, pressed] = coefficients(1.25);
-        let definite = Some(step_for(-pressed * highest));
-        check(1.25, Property::Definite, Stiffness::Full, definite);
-        check(1.25, Property::Stable, Stiffness::Full, definite);
-        let [_, stretched] = coefficients(0.5);
-        check(0.5, Property::Stable, Stiffness::Axial, Some(step_for(stretched * highest / 4.0)));
-    }
-}
-
 /// A without the transverse terms of some springs, across the chain: whether it is positive definite.
 fn is_definite_without(free: usize, inertia: f64, dropped: &[usize]) -> bool {
     let [_, across] = coefficients(1.25);
@@ -140,27 +108,6 @@ fn is_definite_without(free: usize, inertia: f64, dropped: &[usize]) -> bool {
         }
     }
     matrix.symmetric_eigenvalues().min() > 0.0
-}
-
-/// Without the springs of the set A is definite, and none of them can be spared.
-#[test]
-fn sets_are_enough_and_no_more() {
-    for (free, inertia) in [(7, 30.0), (7, 12.0), (20, 35.0)] {
-        let (system, state) = chain(free, 1.25);
-        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
-        let mut work = Work::default();
-        let set = smallest_set(&system, &extensions, step_for(inertia), Par::Seq, &mut work).unwrap();
-        assert_eq!((set.minimality, set.tension), (Minimality::Irredundant, free + 1));
-        assert!(!set.springs.is_empty() && set.springs.len() < free + 1, "{:?}", set.springs);
-        assert!(is_definite_without(free, inertia, &set.springs));
-        for spared in &set.springs {
-            let others: Vec<usize> = set.springs.iter().copied().filter(|spring| spring != spared).collect();
-            assert!(!is_definite_without(free, inertia, &others), "{spared} of {:?}", set.springs);
-        }
-        // Nothing need be dropped where A is definite.
-        let none = smallest_set(&system, &extensions, step_for(41.0), Par::Seq, &mut work).unwrap();
-        assert!(none.springs.is_empty());
-    }
 }
 
 /// All of it at once, at the state of a short chain.

@@ -207,7 +207,7 @@ fn modes_without_a_factorization_are_the_same() {
         matrices.update(&state, Stiffness::Full).unwrap();
         let a = matrices.k().scaled(-1.0);
         let geometry = SpringGeometry::at(&system, &state).unwrap();
-        let of_sums = ZERO * weighted_norm(&a, matrices.masses());
+        let of_sums = ZERO * Pencil { masses: Some(matrices.masses()), ..Pencil::of(&a) }.norm();
         let rounding = Rounding { system: &system, state: &state, geometry: &geometry, of_sums };
         let rigid = unresisted(&a, matrices.masses(), rigid_motions(&system, &state.positions), &rounding);
         let wanted = 6 + rigid.len();

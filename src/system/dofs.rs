@@ -43,6 +43,11 @@ impl Axes {
         (0..3).filter(move |&axis| self.contains(axis))
     }
 
+    /// The components of a vector along the axes, and zeros.
+    pub(crate) fn project(self, v: &Vector3<f64>) -> Vector3<f64> {
+        Vector3::from_fn(|axis, _| if self.contains(axis) { v[axis] } else { 0.0 })
+    }
+
     /// This set and the axis (0, 1, 2).
     pub fn with(self, axis: usize) -> Self {
         if axis < 3 { Self(self.0 | 1 << axis) } else { self }

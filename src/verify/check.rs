@@ -423,13 +423,6 @@ mod tests {
     }
 
     #[test]
-    fn a_check_keeps_its_drawing() {
-        let (system, state) = crate::SystemBuilder::new().build().unwrap();
-        let drawing = Drawing::strains("nothing", &system, &state);
-        assert_eq!(check(Claim::Solvers, 1.0, 1.0).with_drawing(drawing.clone()).drawing, Some(drawing));
-    }
-
-    #[test]
     fn results_count_passed_and_failed_checks() {
         let none = Results::default();
         assert_eq!((none.passed(), none.failed(), none.all_passed(), none.by_claim().len()), (0, 0, false, 0));

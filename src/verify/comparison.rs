@@ -1,6 +1,7 @@
 //! Compared entries of matrices and vectors, the worst ones in a table, with the difference in words.
 
 use super::force_error::ForceError;
+use crate::error::Invalid;
 use crate::system::System;
 use nalgebra::{Matrix3, Vector3};
 use nalgebra_sparse::CscMatrix;
@@ -26,7 +27,6 @@ pub(super) fn ratio(error: f64, unit: f64) -> f64 {
     if error == 0.0 { 0.0 } else { error / unit }
 }
 
-/// Number of entries in a table.
 const TABLE_ROWS: usize = 10;
 
 /// The verdict on an entry whose derivative is lost in rounding.
@@ -88,17 +88,17 @@ fn verdict(analytic: f64, numeric: f64, tolerance: f64) -> String {
     } else if analytic == 0.0 {
         "missing".into()
     } else if numeric.abs() <= tolerance {
-        "should be zero".into()
+        "extra".into()
     } else if (analytic + numeric).abs() <= tolerance {
         "sign flipped".into()
     } else if analytic.signum() != numeric.signum() {
         "wrong sign and size".into()
     } else {
-        let excess = 100.0 * (analytic / numeric - 1.0);
-        match excess.abs() {
-            size if size >= 100.0 => format!("{:.3} times too large", analytic / numeric),
-            size if size >= 0.1 => format!("{size:.1} % too {}", if excess > 0.0 { "large" } else { "small" }),
-            size => format!("relative difference {:.1e}", size / 100.0),
+        let ratio = analytic / numeric;
+        match (ratio - 1.0).abs() {
+            _ if !(2.0 / 3.0..1.5).contains(&ratio) => format!("off by the factor {ratio:.2}"),
+            size if size < 1e-3 => format!("relative difference {size:.1e}"),
+            size => format!("{:.1} % too {}", 100.0 * size, if ratio > 1.0 { "large" } else { "small" }),
         }
     }
 }
@@ -176,7 +176,7 @@ impl WorstEntries {
         if place < self.limit {
             let entry = Entry { spring, ..Entry::new(row, column, analytic, numeric, allowed) };
             let unsure = !allowed.is_finite() && analytic.is_finite() && numeric.is_finite();
-            let entry = if unsure { entry.with_verdict(CANNOT_BE_MEASURED) } else { for_matrices(entry) };
+            let entry = if unsure { entry.with_verdict(CANNOT_BE_MEASURED) } else { entry };
             self.ranked.insert(place, (ratio, entry));
             self.ranked.truncate(self.limit);
         }
@@ -186,18 +186,6 @@ impl WorstEntries {
     pub fn into_table(self, mut explain: impl FnMut(Entry) -> Entry) -> Vec<Entry> {
         let explained = |(ratio, entry): (f64, Entry)| if ratio <= 1.0 { entry } else { explain(entry) };
         self.ranked.into_iter().map(explained).collect()
-    }
-}
-
-/// Says "extra" and "off by the factor" where a vector's verdict would speak of sizes.
-fn for_matrices(entry: Entry) -> Entry {
-    let ratio = entry.analytic / entry.numeric;
-    match entry.verdict.as_str() {
-        "should be zero" => entry.with_verdict("extra"),
-        verdict if verdict.contains(" too ") && !(2.0 / 3.0..1.5).contains(&ratio) => {
-            entry.with_verdict(format!("off by the factor {ratio:.2}"))
-        }
-        _ => entry,
     }
 }
 
@@ -223,7 +211,7 @@ pub(super) fn explain_by_spring(
     }
     let analytic = particle_block(system, matrix, i, j);
     let (numeric, tolerance) = numeric(i, j);
-    match block_verdict(&analytic, &numeric, &link.at.direction, link.spring.rest_length, dimension, tolerance) {
+    match block_verdict(&analytic, &numeric, &link.direction, link.rest_length, dimension, tolerance) {
         Some(words) => entry.with_verdict(words),
         None => entry,
     }
@@ -326,10 +314,13 @@ pub(super) fn for_each_entry(
     }
 }
 
-/// `Some(why)` if a matrix is not n × n.
-pub(super) fn wrong_size(name: &str, matrix: &CscMatrix<f64>, n: usize) -> Option<String> {
-    let size = (matrix.nrows(), matrix.ncols());
-    (size != (n, n)).then(|| format!("{name} is {} × {}, not {n} × {n}", size.0, size.1))
+/// An error unless a matrix is n × n.
+pub(super) fn check_square(name: &str, matrix: &CscMatrix<f64>, n: usize) -> Result<(), Invalid> {
+    if (matrix.nrows(), matrix.ncols()) == (n, n) {
+        return Ok(());
+    }
+    let size = format!("{} × {}", matrix.nrows(), matrix.ncols());
+    Err(Invalid::new(name, size, format!("must be {n} × {n} for a point of {n} coordinates")))
 }
 
 #[cfg(test)]

@@ -7,48 +7,51 @@
 use super::TestCase;
 use super::check::{Check, Claim, Measured, ratio, worst};
 use super::coloring::{ColumnGroups, evaluate_moved};
-use super::comparison::{WorstEntries, wrong_size};
-use super::force_error::{ForceError, SECOND, U, block_rounding};
-use super::free_coordinates::{random_vector, reduce};
-use super::reference::{self, Link, field};
+use super::comparison::{WorstEntries, check_square};
+use super::dual::{damping_turns, force_against_energy};
+use super::force_error::{ForceError, SECOND, U};
+use super::free_coordinates::{VECTORS, damping_force, elastic_energy, elastic_force, random_vector, reduce};
+use super::reference::{self, Link, active_links, field, sizes};
+use crate::error::{Result, check_length};
 use crate::force::{Energy, SpringGeometry, add_elastic_force, add_weight};
+use crate::integrate::StepMatrices;
 use crate::operator::LinearOperator;
+use crate::spring::Stiffness;
 use crate::system::{Dof, State, System};
 use nalgebra::Vector3;
 use nalgebra_sparse::CscMatrix;
 
-/// Number of random directions.
-const DIRECTIONS: u64 = 4;
+/// The elastic force against its energy, and G against the damping force.
+pub(super) fn derivatives(case: &TestCase) -> Measured {
+    let TestCase { system, state, dt, .. } = case;
+    let mut force = vec![0.0; system.dofs().len()];
+    elastic_force(system, state)(&reduce(system, &state.positions), &mut force);
+    let energy = elastic_energy(system, state);
+    let mut checks = vec![force_against_energy(case, &force)?, energy_slope(case, energy, &force)?];
+    if system.is_damped() {
+        let g = StepMatrices::assemble(system, state, Stiffness::Full, *dt)?.g;
+        checks.extend([damping_entries(case, &g.to_csc())?, damping_dissipates(case, &g)?, damping_turns(case)?]);
+    }
+    Ok(checks)
+}
 
 /// Compares every entry of G with the central difference of the damping force by velocity.
 ///
-/// `force` is f_d over the free velocities at the positions of `state`, in N; `damping` is the whole G under test, in
-/// N·s/m. f_d is linear in v, so there is no truncation and h is as large as the velocities. Value: the largest error
-/// as a multiple of rounding. Sees every fault of an entry above 1e-14 of the dampers at its particle, damping counted
-/// twice or of undamped springs; is blind to a direction n that is wrong in both.
-pub fn damping_entries(
-    system: &System,
-    state: &State,
-    mut force: impl FnMut(&[f64], &mut [f64]),
-    damping: &CscMatrix<f64>,
-    scene: &str,
-) -> Check {
-    let why = "1 is rounding: 80 u b for every damper of a particle and u of each sum, as f_d is linear in v and h is as large \
-        as the velocities; no truncation";
-    let check = |value, why: &str| Check::new(Claim::Consistency, "G against ∂f_d/∂v", scene, value, 1.0, why);
-    if let Some(why) = wrong_size("G", damping, system.dofs().len()) {
-        return check(f64::NAN, &why);
-    }
-    let mut sums = vec![(0.0, 0.0); system.particles()];
-    for (_, ends, spring) in system.active() {
-        for end in ends {
-            sums[end].0 += 1.0;
-            sums[end].1 += U * spring.damping;
-        }
-    }
-    let allowed: Vec<f64> = sums.iter().map(|(springs, damping)| damping * (80.0 + 2.0 * springs)).collect();
+/// `damping` is the whole G under test, in N·s/m. f_d is linear in v, so there is no truncation and h is as large as the velocities.
+/// Value: the largest error as a multiple of rounding. Sees every fault of an entry above 1e-14 of the dampers at its particle, damping
+/// counted twice or of undamped springs; is blind to a direction n that is wrong in both.
+///
+/// # Errors
+/// A matrix of another size.
+pub fn damping_entries(case: &TestCase, damping: &CscMatrix<f64>) -> Result<Check> {
+    let TestCase { name, system, state, .. } = case;
+    check_square("damping", damping, system.dofs().len())?;
+    let links = active_links(system, &state.positions);
+    let springs = sizes(&links, system.particles(), |_| 1.0);
+    let units = sizes(&links, system.particles(), |link| U * link.damping).into_iter().zip(springs);
+    let allowed: Vec<f64> = units.map(|(unit, springs)| unit * (80.0 + 2.0 * springs)).collect();
     let dofs: Vec<Dof> = system.dofs().iter().collect();
-    let mut v = reduce(system, &state.velocities);
+    let (mut force, mut v) = (damping_force(system, state), reduce(system, &state.velocities));
     let fastest = worst(state.velocities.iter().map(|v| v.amax()).chain([0.0]));
     let h = if fastest > 0.0 { fastest } else { 1.0 };
     let groups = ColumnGroups::of_system(system);
@@ -63,20 +66,21 @@ pub fn damping_entries(
             });
         }
     }
-    check(entries.worst, why).with_table(entries.into_table(|entry| entry))
+    let why = "1 is rounding: 80 u b for every damper of a particle and u of each sum, as f_d is linear in v and h is as large \
+        as the velocities; no truncation";
+    let check = Check::new(Claim::Consistency, "G against ∂f_d/∂v", name, entries.worst, 1.0, why);
+    Ok(check.with_table(entries.into_table(|entry| entry)))
 }
 
 /// Checks that damping only takes energy out: `vᵀG v ≤ 0` for random velocities, relative to `Σ b (‖v_i‖ + ‖v_j‖)²`.
 ///
 /// Sees a wrong sign of G; is blind to its size.
-pub fn damping_dissipates(system: &System, damping: &impl LinearOperator, scene: &str) -> Check {
-    let why = "vᵀG v is a sum of −b (nᵀδv)², never positive, each rounded a few times: 32 u of Σ b δv²";
-    let check =
-        |value, why: &str| Check::new(Claim::Consistency, "damping takes energy out", scene, value, 32.0 * U, why);
-    let n = system.dofs().len();
-    if damping.order() != n {
-        return check(f64::NAN, "G does not have one row for each free coordinate");
-    }
+///
+/// # Errors
+/// A G of another order.
+pub fn damping_dissipates(case: &TestCase, damping: &impl LinearOperator) -> Result<Check> {
+    let (system, n) = (&case.system, case.system.dofs().len());
+    check_length("damping", damping.order(), n)?;
     let power = |seed| {
         let v = random_vector(n, seed);
         let mut f = vec![0.0; n];
@@ -87,7 +91,9 @@ pub fn damping_dissipates(system: &System, damping: &impl LinearOperator, scene:
         });
         ratio(v.iter().zip(&f).map(|(v, f)| v * f).sum(), scale.sum())
     };
-    check(worst((0..DIRECTIONS).map(power)), why)
+    let value = worst((0..VECTORS).map(power));
+    let why = "vᵀG v is a sum of −b (nᵀδv)², never positive, each rounded a few times: 32 u of Σ b δv²";
+    Ok(Check::new(Claim::Consistency, "damping takes energy out", &case.name, value, 32.0 * U, why))
 }
 
 /// Compares the elastic force with the slope of the elastic energy, `f·w = −dU(x + s w)/ds`, by central differences.
@@ -95,27 +101,17 @@ pub fn damping_dissipates(system: &System, damping: &impl LinearOperator, scene:
 /// `energy` is U over the free coordinates, in J; `force` is f_el under test, in N. Value: the largest error over
 /// random directions as a multiple of truncation and rounding of the whole sum. Sees a force or an energy that is wrong
 /// somewhere by more than about 1e-8 of the whole; is blind to faults of single weak springs in large scenes, which
-/// [`force_against_energy`](super::force_against_energy) sees.
-pub fn energy_slope(
-    system: &System,
-    state: &State,
-    mut energy: impl FnMut(&[f64]) -> f64,
-    force: &[f64],
-    scene: &str,
-) -> Check {
-    let check =
-        |value, why: String| Check::new(Claim::Consistency, "f against −∇U by differences", scene, value, 1.0, why);
-    if force.len() != system.dofs().len() {
-        return check(f64::NAN, "the force does not have one component for each free coordinate".into());
-    }
-    let geometry = match SpringGeometry::at(system, &state.positions) {
-        Ok(geometry) => geometry,
-        Err(degenerate) => return check(f64::NAN, degenerate.to_string()),
-    };
-    let error = ForceError::new(system, &geometry);
+/// [`force_against_energy`] sees.
+///
+/// # Errors
+/// Coincident ends of a spring; a force of another length.
+pub fn energy_slope(case: &TestCase, mut energy: impl FnMut(&[f64]) -> f64, force: &[f64]) -> Result<Check> {
+    let TestCase { name, system, state, .. } = case;
+    check_length("force", force.len(), system.dofs().len())?;
+    let error = ForceError::new(system, &state.positions)?;
     let x = reduce(system, &state.positions);
     let (mut value, mut relative) = (0.0, 0.0);
-    for seed in 0..DIRECTIONS {
+    for seed in 0..VECTORS {
         let w = error.direction(seed);
         let bounds = SlopeBounds::new(&error, state, &w, force);
         let h = (bounds.rounding(energy(&x)) / (2.0 * bounds.curvature)).cbrt();
@@ -134,7 +130,7 @@ pub fn energy_slope(
         "1 is truncation (2/√3) k h² δ³/(6 (l − hδ)²) of each spring and rounding of U, u for each spring of the sum, over h; \
          the mismatch is {relative:.1e} of Σ k δ"
     );
-    check(value, why)
+    Ok(Check::new(Claim::Consistency, "f against −∇U by differences", name, value, 1.0, why))
 }
 
 /// Error bounds of the energy's difference quotient along one direction.
@@ -160,15 +156,14 @@ impl SlopeBounds {
         let moves: Vec<_> = particles.clone().map(|particle| system.dofs().get(w, particle)).collect();
         let (mut curvature, mut springs, mut scale, mut middle) = (0.0, 0.0, 0.0, 0.0);
         for link in &error.links {
-            let [i, j] = link.ends;
-            let (l, l0, k) = (link.at.length, link.spring.rest_length, link.spring.stiffness);
-            let delta = (moves[i] - moves[j]).norm();
-            let strain = link.spring.strain(link.at).abs() + 0.125 * delta / l0;
+            let (l, l0, k) = (link.length, link.rest_length, link.stiffness);
+            let delta = link.difference(&moves).norm();
+            let strain = link.strain().abs() + 0.125 * delta / l0;
             curvature += SECOND * k * delta.powi(3) / (6.0 * (l - 0.125 * delta).powi(2));
             springs += U * k * l0 * strain * (4.0 * (l + delta) / l0 + 6.0 * strain);
             scale += k * delta * (l / l0).max(1.0);
-            let off = 2.0 * U * (state.positions[i].norm() + state.positions[j].norm());
-            middle += off * delta * (block_rounding(link.spring, link.at) / (12.0 * U));
+            let [xi, xj] = link.ends.map(|end| state.positions[end].norm());
+            middle += 2.0 * U * (xi + xj) * delta * (link.block_rounding() / (12.0 * U));
         }
         let product: f64 = force.iter().zip(w).map(|(f, w)| (f * w).abs()).sum();
         let own: f64 = moves.iter().zip(&error.rounding).map(|(w, rounding)| rounding * w.norm() * 2.0).sum();
@@ -263,14 +258,5 @@ mod tests {
         assert_eq!(elastic_unit(&links, [7.0, 11.0], &w, &state.positions), U * (18.0 + 42.0 + 2.0 * (10.0 + 39.0)));
         assert_eq!(weight_unit(&system, &state.positions), U * (2.0 + 4.0 + 45.0) * 2.0);
         assert_eq!(dot(&w, &[2.0, 3.0, 4.0].map(|x| Vector3::new(x, 1.0, 1.0))), -2.0);
-    }
-
-    /// Along a bent chain, stretched here and compressed there, the quadrature finds the work up to rounding.
-    #[test]
-    fn energies_of_a_chain_are_the_work_of_its_forces() {
-        let checks = work_energy(&fixtures::chain(6, 0.1)).unwrap();
-        let names: Vec<&str> = checks.iter().map(|check| check.name.as_str()).collect();
-        assert_eq!(names, ["elastic energy is work", "gravitational energy is work"]);
-        assert!(checks.iter().all(|check| check.passed() && check.bound == 30.0 + 6.0 + 5.0));
     }
 }

@@ -36,7 +36,6 @@ pub struct ErrorCurve {
 }
 
 impl ErrorCurve {
-    /// The slopes between neighbouring steps.
     fn slopes(&self) -> Vec<f64> {
         let slope = |pair: &[(f64, f64)]| (pair[0].1 / pair[1].1).ln() / (pair[0].0 / pair[1].0).ln();
         self.points.windows(2).map(slope).collect()
@@ -47,7 +46,6 @@ impl ErrorCurve {
         self.slopes().last().copied().unwrap_or(f64::NAN)
     }
 
-    /// The distance of the observed order from theory.
     fn deviation(&self) -> f64 {
         (self.observed() - f64::from(self.order)).abs()
     }
@@ -167,7 +165,6 @@ pub(super) fn measure(case: &TestCase) -> Measured {
     Ok(checks)
 }
 
-/// The Euclidean distance of the positions of two states, in m.
 pub(super) fn distance(a: &State, b: &State) -> f64 {
     a.positions.iter().zip(&b.positions).map(|(x, y)| (x - y).norm_squared()).sum::<f64>().sqrt()
 }

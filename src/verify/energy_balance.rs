@@ -51,15 +51,15 @@ pub(super) fn measure(case: &TestCase) -> Measured {
         exchanged += (now.kinetic - before.kinetic).abs();
         exchanged += (now.elastic - before.elastic).abs() + (now.gravitational - before.gravitational).abs();
     }
-    let integral = |power: &dyn Fn(&State) -> f64| simpson(states.iter().map(power), h / PARTS as f64);
-    let constraints = |state: &State| constraint_powers(system, state).iter().sum::<f64>();
-    let magnitude = |state: &State| constraint_powers(system, state).iter().map(|power| power.abs()).sum::<f64>();
-    let damping = |state: &State| damping_power(system, state);
-    let elastic = |state: &State| elastic_power(system, state);
+    let powers: Vec<Powers> = states.iter().map(|state| Powers::at(system, state)).collect();
+    let integral = |power: &dyn Fn(&Powers) -> f64| simpson(powers.iter().map(power), h / PARTS as f64);
+    let constraints = |at: &Powers| at.constraints.iter().sum::<f64>();
+    let magnitude = |at: &Powers| at.constraints.iter().map(|power| power.abs()).sum::<f64>();
+    let (damping, elastic) = (|at: &Powers| at.damping, |at: &Powers| at.elastic);
     // A rule of fourth order at the balance's own steps: where that misses a power, the balance's formulas say nothing.
-    let is_resolved = |power: &dyn Fn(&State) -> f64| {
-        let coarse = simpson(states.iter().step_by(PARTS).map(power), h);
-        (coarse - integral(power)).abs() <= 0.1 * BOUND * integral(&|state| power(state).abs())
+    let is_resolved = |power: &dyn Fn(&Powers) -> f64| {
+        let coarse = simpson(powers.iter().step_by(PARTS).map(power), h);
+        (coarse - integral(power)).abs() <= 0.1 * BOUND * integral(&|at| power(at).abs())
     };
     let not_judged = |reason: String| Ok(vec![Check::not_judged(Claim::Conservation, "energy_balance", name, reason)]);
     if !(is_resolved(&elastic) && is_resolved(&damping) && is_resolved(&constraints)) {
@@ -103,39 +103,34 @@ fn step(case: &TestCase) -> f64 {
     convergence::coarsest(case).min(0.9 * case.time_to_kink() / STEPS as f64)
 }
 
-/// The power of the springs, in W.
-fn elastic_power(system: &System, state: &State) -> f64 {
-    let links = reference::links(system, &state.positions);
-    let power = |link: &Link| {
-        let [i, j] = link.ends;
-        link.elastic_force().dot(&(state.velocities[i] - state.velocities[j]))
-    };
-    links.iter().map(power).sum()
+/// The powers of the springs, the power that their damping dissipates, and that of every moving coordinate's constraint, in W.
+struct Powers {
+    elastic: f64,
+    damping: f64,
+    constraints: Vec<f64>,
 }
 
-/// The power of every moving coordinate's constraint, in W.
-fn constraint_powers(system: &System, state: &State) -> Vec<f64> {
-    let links = reference::links(system, &state.positions);
-    let elastic = reference::sum(&links, system.particles(), Link::elastic_force);
-    let damping = reference::damping_product(&links, &state.velocities);
-    let prescribed = system.prescribed();
-    let power = |(dof, _, motion): (Dof, f64, usize)| {
-        let (p, axis) = (dof.particle, dof.axis);
-        let weight = system.masses()[p] * system.gravity()[axis];
-        -(elastic[p][axis] + damping[p][axis] + weight) * prescribed.motions()[motion].velocity(state.time, axis)
-    };
-    prescribed.iter().map(power).collect()
-}
-
-/// The power that damping dissipates, in W.
-fn damping_power(system: &System, state: &State) -> f64 {
-    let links = reference::links(system, &state.positions);
-    let power = |link: &Link| {
-        let [i, j] = link.ends;
-        let rate = link.direction.dot(&(state.velocities[i] - state.velocities[j]));
-        link.damping * rate * rate
-    };
-    links.iter().map(power).sum()
+impl Powers {
+    fn at(system: &System, state: &State) -> Self {
+        let links = reference::links(system, &state.positions);
+        let dissipated = |link: &Link| {
+            let rate = link.direction.dot(&link.difference(&state.velocities));
+            link.damping * rate * rate
+        };
+        let elastic = reference::sum(&links, system.particles(), Link::elastic_force);
+        let damping = reference::damping_product(&links, &state.velocities);
+        let prescribed = system.prescribed();
+        let power = |(dof, _, motion): (Dof, f64, usize)| {
+            let (p, axis) = (dof.particle, dof.axis);
+            let weight = system.masses()[p] * system.gravity()[axis];
+            -(elastic[p][axis] + damping[p][axis] + weight) * prescribed.motions()[motion].velocity(state.time, axis)
+        };
+        Self {
+            elastic: links.iter().map(|link| link.elastic_force().dot(&link.difference(&state.velocities))).sum(),
+            damping: links.iter().map(dissipated).sum(),
+            constraints: prescribed.iter().map(power).collect(),
+        }
+    }
 }
 
 /// Simpson's rule on an odd number of equidistant values.

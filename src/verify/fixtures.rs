@@ -3,7 +3,7 @@
 use super::{Entry, TestCase};
 use crate::integrate::StepMatrices;
 use crate::spring::{Spring, Stiffness};
-use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
+use crate::system::{Axes, Constraint, Motion, State, SystemBuilder};
 use nalgebra::{DMatrix, Vector3};
 use nalgebra_sparse::CscMatrix;
 
@@ -74,7 +74,7 @@ pub fn chain(particles: usize, dt: f64) -> TestCase {
 }
 
 /// A chain in a plane, its second link along x and its third along y. Seven coordinates: the third particle moves along x alone.
-pub fn bent() -> (System, State) {
+pub fn bent() -> TestCase {
     let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
     for [x, y] in [[0.0, 0.0], [3.0, 4.0], [5.0, 4.0], [5.0, 1.0]] {
         builder.particle([x, y, 0.0], 1.0);
@@ -83,13 +83,13 @@ pub fn bent() -> (System, State) {
         builder.spring(link, link + 1, Spring { stiffness, rest_length, damping: 0.0 });
     }
     builder.constrain(Constraint { particles: vec![2], axes: Axes::of(&[1]), motion: Motion::Held });
-    builder.build().unwrap()
+    case(builder, 1.0)
 }
 
 /// K of that chain with two faults: of the entries of the first link beside the diagonal only `nnᵀ k/l0` is there, and the coupling of
 /// the second link is a fifth too weak.
-pub fn wrong_stiffness(system: &System, state: &State) -> CscMatrix<f64> {
-    let k = StepMatrices::assemble(system, state, Stiffness::Full, 1.0).unwrap().k.to_csc();
+pub fn wrong_stiffness(case: &TestCase) -> CscMatrix<f64> {
+    let k = StepMatrices::assemble(&case.system, &case.state, Stiffness::Full, case.dt).unwrap().k.to_csc();
     let mut dense = DMatrix::from(&k);
     for (r, n_r) in [0.6, 0.8].into_iter().enumerate() {
         for (c, n_c) in [0.6, 0.8].into_iter().enumerate() {

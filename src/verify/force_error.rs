@@ -18,9 +18,11 @@
 //! within l/8. Adding the forces of all springs at a particle adds u of their sum of magnitudes for every spring.
 
 use super::free_coordinates::random_vector;
-use crate::force::SpringGeometry;
+use super::reference::{Link, sizes};
+use crate::force::{DegenerateSpring, SpringGeometry};
 use crate::spring::{Extension, Spring};
 use crate::system::System;
+use nalgebra::Vector3;
 
 /// The unit of rounding, 2⁻⁵³.
 pub const U: f64 = f64::EPSILON / 2.0;
@@ -28,32 +30,35 @@ pub const U: f64 = f64::EPSILON / 2.0;
 /// `(2/√3)`, the largest `‖n''‖` at unit length and displacement.
 pub(super) const SECOND: f64 = 1.154_700_538_379_251_6;
 
-/// Bound of the rounding error of one spring's force, in N.
-pub(super) fn force_rounding(spring: &Spring, at: &Extension) -> f64 {
-    15.0 * U * spring.stiffness * (at.length / spring.rest_length).max(1.0)
-}
+/// Bounds of errors of one spring.
+impl Link {
+    /// Rounding of the force, in N.
+    pub fn force_rounding(&self) -> f64 {
+        15.0 * U * self.stiffness * (self.length / self.rest_length).max(1.0)
+    }
 
-/// Bound of the rounding error of an entry of one spring's block by any stable formula, in N/m: k/l0 and k/l are rounded 12 times.
-pub(super) fn block_rounding(spring: &Spring, at: &Extension) -> f64 {
-    12.0 * U * spring.stiffness * (1.0 / spring.rest_length + 1.0 / at.length)
-}
+    /// Rounding of an entry of the block by any stable formula, in N/m: k/l0 and k/l are rounded 12 times.
+    pub fn block_rounding(&self) -> f64 {
+        12.0 * U * self.stiffness * (1.0 / self.rest_length + 1.0 / self.length)
+    }
 
-/// Bound of the truncation error of the central difference over ±h along a displacement of norm `delta`, in N/m.
-pub(super) fn truncation(spring: &Spring, at: &Extension, h: f64, delta: f64) -> f64 {
-    let shortest = at.length - h * delta;
-    if shortest > 0.0 { 0.5 * spring.stiffness * h * h * (delta / shortest).powi(3) } else { f64::INFINITY }
-}
+    /// Truncation of the central difference over ±h along a displacement of norm `delta`, in N/m.
+    pub fn truncation(&self, h: f64, delta: f64) -> f64 {
+        let shortest = self.length - h * delta;
+        if shortest > 0.0 { 0.5 * self.stiffness * h * h * (delta / shortest).powi(3) } else { f64::INFINITY }
+    }
 
-/// Factor of h² in the truncation error along a unit displacement, for small h.
-pub(super) fn curvature(spring: &Spring, at: &Extension) -> f64 {
-    0.5 * spring.stiffness / at.length.powi(3)
-}
+    /// Factor of h² in the truncation along a unit displacement, for small h.
+    pub fn curvature(&self) -> f64 {
+        0.5 * self.stiffness / self.length.powi(3)
+    }
 
-/// Bound of all errors but the rounding of forces: truncation, the offset of the middle, the rounding of the block itself.
-pub(super) fn spring_error(spring: &Spring, at: &Extension, step: Step) -> f64 {
-    let h = 0.5 * step.width();
-    let moved = SECOND * spring.stiffness * step.offset / (at.length - h).powi(2);
-    truncation(spring, at, h, 1.0) + moved + block_rounding(spring, at)
+    /// All errors of a central difference but the rounding of forces: truncation, the offset of the middle, the rounding of the block itself.
+    pub fn difference_error(&self, step: Step) -> f64 {
+        let h = 0.5 * step.width();
+        let moved = SECOND * self.stiffness * step.offset / (self.length - h).powi(2);
+        self.truncation(h, 1.0) + moved + self.block_rounding()
+    }
 }
 
 /// A central difference's two points after rounding.
@@ -83,19 +88,11 @@ impl Step {
     }
 }
 
-/// A spring where it is.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Link<'a> {
-    pub index: usize,
-    pub ends: [usize; 2],
-    pub spring: &'a Spring,
-    pub at: &'a Extension,
-}
-
 /// The error analysis of f_el at one configuration.
 pub(super) struct ForceError<'a> {
     pub system: &'a System,
-    pub links: Vec<Link<'a>>,
+    /// The springs that have a free end.
+    pub links: Vec<Link>,
     /// Positions in `links` of every particle's springs.
     at: Vec<Vec<usize>>,
     /// Bound of the rounding error of the force on every particle, in N.
@@ -103,36 +100,38 @@ pub(super) struct ForceError<'a> {
 }
 
 impl<'a> ForceError<'a> {
-    pub fn new(system: &'a System, geometry: &'a SpringGeometry) -> Self {
-        let link = |((index, ends, spring), at)| Link { index, ends, spring, at };
+    pub fn new(system: &'a System, positions: &[Vector3<f64>]) -> Result<Self, DegenerateSpring> {
+        let geometry = SpringGeometry::at(system, positions)?;
+        let link = |((index, ends, &spring), at): ((usize, [usize; 2], &Spring), &Extension)| {
+            Link::new(index, ends, spring, positions[ends[0]] - positions[ends[1]], at.length)
+        };
         let links: Vec<Link> = geometry.springs(system).map(link).collect();
-        let mut at = vec![Vec::new(); system.particles()];
+        let particles = system.particles();
+        let mut at = vec![Vec::new(); particles];
         for (position, link) in links.iter().enumerate() {
             link.ends.iter().for_each(|&end| at[end].push(position));
         }
-        let of_particle = |positions: &Vec<usize>| {
-            let own = || positions.iter().map(|&position| links[position]);
-            let springs: f64 = own().map(|link| force_rounding(link.spring, link.at)).sum();
-            let magnitude: f64 = own().map(|link| link.spring.elastic_force(link.at).norm()).sum();
-            springs + positions.len() as f64 * U * magnitude
-        };
-        let rounding = at.iter().map(of_particle).collect();
-        Self { system, links, at, rounding }
+        let magnitudes = sizes(&links, particles, |link| link.elastic_force().norm());
+        let mut rounding = sizes(&links, particles, Link::force_rounding);
+        for ((rounding, magnitude), springs) in rounding.iter_mut().zip(magnitudes).zip(&at) {
+            *rounding += springs.len() as f64 * U * magnitude;
+        }
+        Ok(Self { system, links, at, rounding })
     }
 
     /// The springs that end at a particle.
-    pub fn links_at(&self, particle: usize) -> impl Iterator<Item = Link<'a>> + '_ {
-        self.at[particle].iter().map(move |&position| self.links[position])
+    pub fn links_at(&self, particle: usize) -> impl Iterator<Item = &Link> + '_ {
+        self.at[particle].iter().map(|&position| &self.links[position])
     }
 
     /// The springs that put a block at the rows of one particle and the columns of another, or the same.
-    pub fn links_between(&self, row: usize, column: usize) -> impl Iterator<Item = Link<'a>> + '_ {
+    pub fn links_between(&self, row: usize, column: usize) -> impl Iterator<Item = &Link> + '_ {
         self.links_at(column).filter(move |link| row == column || link.ends.contains(&row))
     }
 
     /// The length of the shortest spring at a particle, in m; infinite without one.
     pub fn shortest(&self, particle: usize) -> f64 {
-        self.links_at(particle).map(|link| link.at.length).fold(f64::INFINITY, f64::min)
+        self.links_at(particle).map(|link| link.length).fold(f64::INFINITY, f64::min)
     }
 
     /// `l/(2√3)` of the shortest spring at a particle, in m: with three such components it moves by half of that spring. Zero without one.
@@ -153,13 +152,13 @@ impl<'a> ForceError<'a> {
 
     /// The step for a coordinate x of a particle.
     pub fn step(&self, particle: usize, x: f64) -> Step {
-        let curvature = self.links_at(particle).map(|link| curvature(link.spring, link.at)).sum();
+        let curvature = self.links_at(particle).map(Link::curvature).sum();
         Step::best(x, self.rounding[particle], curvature, self.shortest(particle))
     }
 
     /// Bound of the error of the difference quotient of the force on `row` along a coordinate of `column`, in N/m.
     pub fn allowed(&self, row: usize, column: usize, step: Step) -> f64 {
-        let own: f64 = self.links_between(row, column).map(|link| spring_error(link.spring, link.at, step)).sum();
+        let own: f64 = self.links_between(row, column).map(|link| link.difference_error(step)).sum();
         own + self.rounding[row] / (0.5 * step.width())
     }
 }
@@ -168,23 +167,24 @@ impl<'a> ForceError<'a> {
 mod tests {
     use super::*;
     use crate::verify::fixtures::assert_close;
-    use nalgebra::Vector3;
+    use crate::verify::fixtures::pair;
+    use crate::verify::reference::links;
 
-    /// Over ±1/4 m, with a middle that is 1/8 m off, of a spring of k = 8 N that is 2 m long, 4 m at rest.
+    /// Over ±1/4 m, with a middle that is 1/8 m off, of a spring of k = 100 N that is 1 m long, 2 m at rest.
     #[test]
     fn errors_of_a_difference_by_hand() {
-        let spring = Spring { stiffness: 8.0, rest_length: 4.0, damping: 0.0 };
-        let at = Extension::between(&Vector3::new(2.0, 0.0, 0.0), &Vector3::zeros()).unwrap();
-        let curved = 0.5 * 8.0 * 0.0625 / 1.75_f64.powi(3);
-        assert_close(truncation(&spring, &at, 0.25, 1.0), curved);
-        assert_close(curvature(&spring, &at), 0.5);
-        let moved = SECOND * 8.0 * 0.125 / (1.75 * 1.75);
-        let block = 12.0 * U * 8.0 * 0.75;
+        let case = pair(2.0, 0.1);
+        let link = links(&case.system, &case.state.positions)[0];
+        let curved = 0.5 * 100.0 * 0.0625 / 0.75_f64.powi(3);
+        assert_close(link.truncation(0.25, 1.0), curved);
+        assert_close(link.curvature(), 50.0);
+        let moved = SECOND * 100.0 * 0.125 / (0.75 * 0.75);
+        let block = 12.0 * U * 100.0 * 1.5;
         let step = Step { forward: 1.25, backward: 0.75, offset: 0.125 };
-        assert_close(spring_error(&spring, &at, step), curved + moved + block);
-        assert_close(block_rounding(&spring, &at), block);
-        assert_close(force_rounding(&spring, &at), 15.0 * U * 8.0);
-        assert_eq!(truncation(&spring, &at, 2.5, 1.0), f64::INFINITY);
+        assert_close(link.difference_error(step), curved + moved + block);
+        assert_close(link.block_rounding(), block);
+        assert_close(link.force_rounding(), 15.0 * U * 100.0);
+        assert_eq!(link.truncation(1.25, 1.0), f64::INFINITY);
     }
 
     /// The best step is `(ρ/2T)^(1/3)`, an eighth of the length at most; without a spring it is 1.

@@ -59,6 +59,9 @@ pub fn elastic_energy<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64
     }
 }
 
+/// The random vectors that a product or a slope is tried on.
+pub(super) const VECTORS: u64 = 4;
+
 /// A vector of numbers between −1 and 1, the same for the same seed on every machine.
 pub(super) fn random_vector(length: usize, seed: u64) -> Vec<f64> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);

@@ -8,11 +8,10 @@
 use super::check::{Check, Claim, worst};
 use super::coloring::{ColumnGroups, evaluate_moved};
 use super::comparison::{
-    CANNOT_BE_MEASURED, Entry, WorstEntries, entry_of, explain_by_spring, for_each_entry, particle_block,
+    CANNOT_BE_MEASURED, Entry, WorstEntries, check_square, entry_of, explain_by_spring, for_each_entry, particle_block,
 };
 use super::force_error::{ForceError, U};
 use crate::error::{Invalid, Result};
-use crate::force::SpringGeometry;
 use crate::system::{State, System};
 use nalgebra_sparse::{CooMatrix, CscMatrix};
 use std::fmt;
@@ -142,10 +141,7 @@ pub fn check_jacobian(
     let spread = check_input(&analytic, point, options)?;
     let n = point.len();
     let groups = options.groups.clone().unwrap_or_else(|| ColumnGroups::one_by_one(n));
-    let geometry = options.springs.and_then(|(system, state)| {
-        SpringGeometry::at(system, &state.positions).ok().map(|geometry| (system, geometry))
-    });
-    let springs = geometry.as_ref().map(|(system, geometry)| ForceError::new(system, geometry));
+    let springs = options.springs.and_then(|(system, state)| ForceError::new(system, &state.positions).ok());
     let steps_of = |column: usize| {
         // Without a length from the caller each particle moves by fractions of its own shortest spring.
         let own = springs.as_ref().map(|error| error.shortest(error.system.dofs().dof(column).particle));
@@ -185,10 +181,7 @@ fn check_input(matrix: &CscMatrix<f64>, point: &[f64], options: &JacobianOptions
     if let Some((index, x)) = point.iter().enumerate().find(|(_, x)| !x.is_finite()) {
         return Err(Invalid::new("point", x, "must be finite").at(index));
     }
-    if (matrix.nrows(), matrix.ncols()) != (n, n) {
-        let size = format!("{} × {}", matrix.nrows(), matrix.ncols());
-        return Err(Invalid::new("matrix", size, format!("must be {n} × {n} for a point of {n} coordinates")));
-    }
+    check_square("matrix", matrix, n)?;
     if let Some(groups) = options.groups.as_ref().filter(|groups| groups.order() != n) {
         return Err(Invalid::new("options.groups", groups.order(), format!("must group {n} columns")));
     }

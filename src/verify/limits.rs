@@ -132,8 +132,7 @@ impl TestCase {
         let damping = reference::damping_product(&links, &state.velocities);
         let acceleration = |p: usize| {
             let all = (elastic[p] + damping[p]) / system.masses()[p] + system.gravity();
-            let free = system.dofs().free_axes(p);
-            Vector3::from_fn(|axis, _| if free.contains(axis) { all[axis] } else { 0.0 })
+            system.dofs().free_axes(p).project(&all)
         };
         (0..system.particles()).map(acceleration).collect()
     }
@@ -153,8 +152,7 @@ impl TestCase {
         let Self { system, state, .. } = self;
         let accelerations = self.accelerations();
         let passes = |link: &Link| {
-            let [i, j] = link.ends;
-            let (v, a) = (state.velocities[i] - state.velocities[j], accelerations[i] - accelerations[j]);
+            let (v, a) = (link.difference(&state.velocities), link.difference(&accelerations));
             v.norm() * duration + 0.5 * a.norm() * duration * duration > 0.25 * link.length
         };
         let spring = reference::links(system, &state.positions).iter().position(passes)?;

@@ -12,7 +12,6 @@ mod comparison;
 mod consistency;
 mod convergence;
 mod definiteness;
-mod derivatives;
 mod dual;
 mod energy_balance;
 mod error_estimates;
@@ -43,7 +42,7 @@ pub use coloring::ColumnGroups;
 pub use comparison::{Entry, worst};
 pub use consistency::{damping_dissipates, damping_entries, energy_slope};
 pub use convergence::{ErrorCurve, order_checks};
-pub use dual::{damping_turns, dual_force, dual_stiffness_block, force_against_energy, hyper_dual_stiffness_block};
+pub use dual::{damping_turns, force_against_energy};
 pub use force_error::U;
 pub use free_coordinates::{damping_force, elastic_energy, elastic_force, reduce};
 pub use jacobian::{JacobianOptions, JacobianReport, check_jacobian};
@@ -52,10 +51,10 @@ pub use products::{products_agree, refill_is_fresh};
 pub use scenes::built_in;
 pub use scenes::hard_states;
 pub use solution::{
-    Condition, Promise, Solved, backward_errors, condition_is_right, forward_bound, indefinite_backward_error,
-    one_norm_estimate, solutions_agree, tolerance_is_met,
+    Condition, Promise, Solved, backward_errors, condition_is_right, indefinite_backward_error, solutions_agree,
+    tolerance_is_met,
 };
-pub use stiffness::{blocks_against_duals, spring_blocks, stiffness_against_duals, stiffness_entries};
+pub use stiffness::{spring_blocks, stiffness_against_duals, stiffness_entries};
 pub use suite::{FAMILIES, Family, verify};
 pub use test_case::TestCase;
 pub use v_curve::{dropped_terms, v_curve};

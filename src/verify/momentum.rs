@@ -16,8 +16,9 @@ use super::force_error::U;
 use super::reference::{self, Link};
 use super::runs::{MethodVariant, each_run, worst_step};
 use crate::integrate::Method;
+use crate::rigid::first_connected;
 use crate::spring::Stiffness;
-use crate::system::State;
+use crate::system::{Axes, State};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
@@ -33,23 +34,9 @@ struct Part {
 /// The connected parts of the system.
 fn parts(case: &TestCase) -> Vec<Part> {
     let system = &case.system;
-    let mut label: Vec<usize> = (0..system.particles()).collect();
-    // Path halving: every second particle is hung one higher, so that no path stays long, in whatever order springs come.
-    let root = |label: &mut [usize], mut p: usize| {
-        while label[p] != p {
-            label[p] = label[label[p]];
-            p = label[p];
-        }
-        p
-    };
-    for spring in 0..system.pairs().len() {
-        let [i, j] = system.pair(spring).map(|p| root(&mut label, p));
-        label[i.max(j)] = i.min(j);
-    }
+    let firsts = first_connected(system.particles(), (0..system.pairs().len()).map(|spring| system.pair(spring)));
     let mut parts: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for p in 0..system.particles() {
-        parts.entry(root(&mut label, p)).or_default().push(p);
-    }
+    firsts.into_iter().enumerate().for_each(|(p, first)| parts.entry(first).or_default().push(p));
     let is_free = |p: &usize, axis: usize| system.dofs().free_axes(*p).contains(axis);
     let part = |particles: Vec<usize>| {
         let axes = (0..system.dimension()).filter(|&axis| particles.iter().all(|p| is_free(p, axis))).collect();
@@ -152,8 +139,7 @@ fn rounding(case: &TestCase, dt: f64, before: &State, after: &State) -> f64 {
 pub(super) fn equilibrium(case: &TestCase) -> Measured {
     let resting = case.relaxed()?;
     let mut drifting = resting.freed()?;
-    let axes = case.system.dimension();
-    let velocity = Vector3::from_fn(|axis, _| if axis < axes { [0.3, -0.2, 0.5][axis] } else { 0.0 });
+    let velocity = Axes::first(case.system.dimension()).project(&Vector3::new(0.3, -0.2, 0.5));
     drifting.state.velocities.fill(velocity * (case.extent() / case.dt) * 0.01);
     let mut checks = Vec::new();
     for (case, name) in [(resting, "rest is kept"), (drifting, "a drift is kept")] {
@@ -186,7 +172,7 @@ fn drift_error(case: &TestCase, dt: f64, n: f64, state: &State) -> f64 {
     }))
 }
 
-#[cfg(all(test, feature = "scene"))]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::verify::fixtures;
@@ -202,15 +188,5 @@ mod tests {
         let norm = reference::step_matrix_norm(&case, &case.state, 0.25);
         let expected = 3.0 * 0.25 * U * (norm * 0.125 + 2.0 + 10.0 + 3.0);
         fixtures::assert_close(rounding(&case, 0.25, &case.state, &after), expected);
-    }
-
-    /// Links given from the far end on hang every particle under the next: without path halving the path to the root of the last ones
-    /// is the whole chain, for every particle.
-    #[test]
-    fn long_chains_are_one_part() {
-        let mut scene = crate::scene::builtin::chain(100_000).unwrap();
-        scene.springs.pairs.reverse();
-        let parts = parts(&TestCase::of_scene(&scene).unwrap());
-        assert_eq!((parts.len(), parts[0].particles.len()), (1, 100_001));
     }
 }

@@ -16,20 +16,19 @@ use super::TestCase;
 use super::check::{Check, Claim, Measured};
 use super::comparison::{Entry, WorstEntries};
 use super::force_error::U;
-use super::free_coordinates::{random_vector, reduce};
+use super::free_coordinates::{VECTORS, random_vector, reduce};
 use super::reference::{self, Link};
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix, assemble_afresh};
+use crate::error::{Result, check_length};
 use crate::force::SpringGeometry;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::Stiffness;
+use crate::system::Axes;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// Units of rounding that a product may differ by: about ten rounded terms a spring, and as many in its block and its sums.
 const UNITS: f64 = 30.0;
-
-/// Number of random vectors.
-const VECTORS: u64 = 4;
 
 /// Products and refill of A, for every option.
 ///
@@ -46,12 +45,12 @@ pub(super) fn assembly(case: &TestCase) -> Measured {
         let operator = SystemOperator::new(system, &geometry, option, Combination::step(*dt));
         let mut matrix = SystemMatrix::assemble(pattern.clone(), &before);
         matrix.refill(&operator);
-        checks.push(products_agree(&operator, matrix.matrix(), &scene));
-        checks.push(refill_is_fresh(&operator, matrix.matrix(), &scene));
+        checks.push(products_agree(&operator, matrix.matrix(), &scene)?);
+        checks.push(refill_is_fresh(&operator, matrix.matrix(), &scene)?);
         // K alone, where no mass hides what springs cancel.
         let stiffness = SystemOperator::new(system, &geometry, option, Combination::STIFFNESS);
         matrix.refill(&stiffness);
-        checks.push(products_agree(&stiffness, matrix.matrix(), &format!("{scene}, K")));
+        checks.push(products_agree(&stiffness, matrix.matrix(), &format!("{scene}, K"))?);
     }
     Ok(checks)
 }
@@ -61,14 +60,12 @@ pub(super) fn assembly(case: &TestCase) -> Measured {
 /// `product` is under test, `operator` is the reference. Value: the largest difference of a component relative to u of
 /// its terms, `m|w| + Σ |B| (|w_i| + |w_j|)` over springs: `|A| |w|` but for what cancels inside A. Sees missing,
 /// extra, doubled and misplaced blocks, a wrong mass, dropped constraints; is blind to faults of both.
-pub fn products_agree(operator: &SystemOperator, product: &impl LinearOperator, scene: &str) -> Check {
-    let why = "30 u |A| |w| in each component: a spring's product takes about ten roundings, its entries of A and their sum as many";
-    let name = "assembled A w against matrix-free A w";
-    let check = |value, why: &str| Check::new(Claim::Assembly, name, scene, value, UNITS, why);
+///
+/// # Errors
+/// Operators of different orders.
+pub fn products_agree(operator: &SystemOperator, product: &impl LinearOperator, scene: &str) -> Result<Check> {
     let n = operator.order();
-    if product.order() != n {
-        return check(f64::NAN, "the two operators have different orders");
-    }
+    check_length("product", product.order(), n)?;
     let mut entries = WorstEntries::new();
     for seed in 0..VECTORS {
         let w = random_vector(n, seed);
@@ -83,7 +80,9 @@ pub fn products_agree(operator: &SystemOperator, product: &impl LinearOperator, 
     let value = entries.worst;
     // Entries that differ by 2 to 30 units are not wrong, as the table's verdicts would have it.
     let judged = |entry: Entry| if value <= UNITS { entry.with_verdict("agrees") } else { entry };
-    check(value, why).with_table(entries.into_table(judged))
+    let why = "30 u |A| |w| in each component: a spring's product takes about ten roundings, its entries of A and their sum as many";
+    let check = Check::new(Claim::Assembly, "assembled A w against matrix-free A w", scene, value, UNITS, why);
+    Ok(check.with_table(entries.into_table(judged)))
 }
 
 /// `m |w| + Σ |B| (|w_i| + |w_j|)` for every row.
@@ -116,13 +115,11 @@ fn terms(operator: &SystemOperator, w: &[f64]) -> Vec<f64> {
 /// `refilled` is under test; `operator` is what it was refilled from. Value: the number of entries that differ in a
 /// bit, are stored in one only, or are not numbers. Sees values left over from the refill before; is blind to a wrong
 /// block.
-pub fn refill_is_fresh(operator: &SystemOperator, refilled: &SymmetricMatrix, scene: &str) -> Check {
-    let why = "both add the same numbers in the same order: not one bit may differ";
-    let check =
-        |value, why: &str| Check::new(Claim::Refill, "refilled A against A assembled afresh", scene, value, 0.0, why);
-    if refilled.order() != operator.order() {
-        return check(f64::NAN, "the two matrices have different orders");
-    }
+///
+/// # Errors
+/// Matrices of different orders.
+pub fn refill_is_fresh(operator: &SystemOperator, refilled: &SymmetricMatrix, scene: &str) -> Result<Check> {
+    check_length("refilled", refilled.order(), operator.order())?;
     let lower = assemble_afresh(operator).into_iter().filter(|entry| entry.row >= entry.column);
     // Both come by columns, rows ascending.
     let mut fresh = lower.map(|entry| ((entry.column, entry.row), entry.value)).peekable();
@@ -141,7 +138,9 @@ pub fn refill_is_fresh(operator: &SystemOperator, refilled: &SymmetricMatrix, sc
         wrong.compare(row, Some(column), 0.0, missing, 0.0);
     }
     let count = wrong.compared as f64;
-    check(count, why).with_table(wrong.into_table(|entry| entry))
+    let why = "both add the same numbers in the same order: not one bit may differ";
+    let check = Check::new(Claim::Refill, "refilled A against A assembled afresh", scene, count, 0.0, why);
+    Ok(check.with_table(wrong.into_table(|entry| entry)))
 }
 
 /// A field of displacements and its products with K and G: full-length.
@@ -178,14 +177,12 @@ fn rigid_fields(case: &TestCase, option: Stiffness) -> Vec<RigidField> {
     let centre = case.centre();
     let arms: Vec<Vector3<f64>> = state.positions.iter().map(|x| x - centre).collect();
     let zeros = || vec![Vector3::zeros(); n];
-    let modelled =
-        |vector: [f64; 3]| Vector3::from_fn(|axis, _| if axis < system.dimension() { vector[axis] } else { 0.0 });
     let laplacian = |c: fn(&Link) -> f64| reference::sum(&links, n, |link| -link.direction * link.length * c(link));
     let mut fields = vec![
         RigidField {
             name: "translation",
             // No component is zero, and no two are alike.
-            field: vec![modelled([0.6, -0.7, 1.1]); n],
+            field: vec![Axes::first(system.dimension()).project(&Vector3::new(0.6, -0.7, 1.1)); n],
             stiffness: zeros(),
             damping: zeros(),
         },
@@ -219,7 +216,7 @@ struct Products<'s> {
 }
 
 impl<'s> Products<'s> {
-    fn new(case: &'s TestCase, option: Stiffness, combination: Combination) -> Result<Self, super::check::Unfinished> {
+    fn new(case: &'s TestCase, option: Stiffness, combination: Combination) -> Result<Self> {
         let geometry = SpringGeometry::at(&case.system, &case.state.positions)?;
         let operator = SystemOperator::new(&case.system, &geometry, option, combination);
         let matrix = SystemMatrix::assemble(Arc::new(SpringPattern::of_stiffness(&case.system)?), &operator);
@@ -270,7 +267,7 @@ mod tests {
     fn wrong(scene: &SystemBuilder) -> (f64, Vec<(Option<usize>, usize)>) {
         let cases = [scene, &line()].map(|scene| case(scene.clone(), 0.5));
         let [given, right] = cases.each_ref().map(|case| Products::new(case, Stiffness::Full, Combination::step(0.5)));
-        let check = refill_is_fresh(&right.unwrap().operator, given.unwrap().matrix.matrix(), "line");
+        let check = refill_is_fresh(&right.unwrap().operator, given.unwrap().matrix.matrix(), "line").unwrap();
         let mut places: Vec<_> = check.table.iter().map(|entry| (entry.column, entry.row)).collect();
         places.sort_unstable();
         (check.value, places)

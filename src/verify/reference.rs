@@ -8,10 +8,12 @@ use crate::spring::{Spring, Stiffness};
 use crate::system::{Axes, State, System};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-/// One spring at a configuration: its ends, `n`, `l`, and the numbers k, l0, b.
+/// One spring at a configuration: its number, its ends, `d = x_i − x_j`, `n = d/l`, `l`, and the numbers k, l0, b.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Link {
+    pub index: usize,
     pub ends: [usize; 2],
+    pub separation: Vector3<f64>,
     pub direction: Vector3<f64>,
     pub length: f64,
     pub stiffness: f64,
@@ -20,9 +22,25 @@ pub(super) struct Link {
 }
 
 impl Link {
+    /// A spring from its ends' separation and its length.
+    pub fn new(index: usize, ends: [usize; 2], spring: Spring, separation: Vector3<f64>, length: f64) -> Self {
+        let Spring { stiffness, rest_length, damping } = spring;
+        Self { index, ends, separation, direction: separation / length, length, stiffness, rest_length, damping }
+    }
+
+    /// `l/l0 − 1`.
+    pub fn strain(&self) -> f64 {
+        (self.length - self.rest_length) / self.rest_length
+    }
+
+    /// The vector of the first end less that of the second.
+    pub fn difference(&self, vectors: &[Vector3<f64>]) -> Vector3<f64> {
+        vectors[self.ends[0]] - vectors[self.ends[1]]
+    }
+
     /// `−k (l/l0 − 1) n`, on the first end.
     pub fn elastic_force(&self) -> Vector3<f64> {
-        -self.stiffness * ((self.length - self.rest_length) / self.rest_length) * self.direction
+        self.direction * (-self.stiffness * self.strain())
     }
 
     /// `k (1/l0 − 1/l)`, zero where the option drops it.
@@ -60,14 +78,19 @@ impl Link {
 
 /// All springs of a system at some positions, those between prescribed particles included.
 pub(super) fn links(system: &System, positions: &[Vector3<f64>]) -> Vec<Link> {
-    let link = |(pair, spring): (&[u32; 2], &Spring)| {
+    let link = |(index, (pair, &spring)): (usize, (&[u32; 2], &Spring))| {
         let ends = pair.map(|p| p as usize);
-        let d = positions[ends[0]] - positions[ends[1]];
-        let length = (d.x * d.x + d.y * d.y + d.z * d.z).sqrt();
-        let &Spring { stiffness, rest_length, damping } = spring;
-        Link { ends, direction: d / length, length, stiffness, rest_length, damping }
+        let separation = positions[ends[0]] - positions[ends[1]];
+        let length = (separation.x * separation.x + separation.y * separation.y + separation.z * separation.z).sqrt();
+        Link::new(index, ends, spring, separation, length)
     };
-    system.pairs().iter().zip(system.springs()).map(link).collect()
+    system.pairs().iter().zip(system.springs()).enumerate().map(link).collect()
+}
+
+/// The springs with a free end.
+pub(super) fn active_links(system: &System, positions: &[Vector3<f64>]) -> Vec<Link> {
+    let all = links(system, positions);
+    system.active_springs().iter().map(|&spring| all[spring as usize]).collect()
 }
 
 /// `Σ f` over the springs: f on the first end, −f on the second.
@@ -83,16 +106,16 @@ pub(super) fn sum(links: &[Link], particles: usize, force: impl Fn(&Link) -> Vec
 
 /// `K w` at the links' configuration.
 pub(super) fn stiffness_product(links: &[Link], option: Stiffness, w: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    sum(links, w.len(), |link| -link.stiffness_block(option) * (w[link.ends[0]] - w[link.ends[1]]))
+    sum(links, w.len(), |link| -link.stiffness_block(option) * link.difference(w))
 }
 
 /// `G w` at the links' configuration; with velocities for w this is f_d.
 pub(super) fn damping_product(links: &[Link], w: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    sum(links, w.len(), |link| -link.damping_block() * (w[link.ends[0]] - w[link.ends[1]]))
+    sum(links, w.len(), |link| -link.damping_block() * link.difference(w))
 }
 
 /// Sums over the springs of every particle.
-fn sizes(links: &[Link], particles: usize, size: impl Fn(&Link) -> f64) -> Vec<f64> {
+pub(super) fn sizes(links: &[Link], particles: usize, size: impl Fn(&Link) -> f64) -> Vec<f64> {
     let mut total = vec![0.0; particles];
     for link in links {
         let size = size(link);
@@ -156,6 +179,6 @@ pub(super) fn lightest(system: &System) -> f64 {
 pub(super) fn field(system: &System) -> Vec<Vector3<f64>> {
     // Multiples of the golden ratio, modulo 1, are spread evenly and never repeat.
     let spread = |n: usize| 2.0 * ((n as f64 * 0.618_033_988_749_895) % 1.0) - 1.0;
-    let vector = |p| Vector3::from_fn(|axis, _| if axis < system.dimension() { spread(3 * p + axis + 1) } else { 0.0 });
-    (0..system.particles()).map(vector).collect()
+    let vector = |p| Vector3::from_fn(|axis, _| spread(3 * p + axis + 1));
+    (0..system.particles()).map(|p| Axes::first(system.dimension()).project(&vector(p))).collect()
 }

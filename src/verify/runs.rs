@@ -137,7 +137,6 @@ pub(super) fn differences(a: &Option<Vec<State>>, b: &Option<Vec<State>>) -> f64
     if a.len() == b.len() { differing as f64 } else { f64::INFINITY }
 }
 
-/// Steps of runs that are compared.
 const STEPS: usize = 10;
 
 /// A planar or one-dimensional scene against its twin in space.

@@ -1,10 +1,9 @@
 //! The scenes that the program carries to verify itself on, and configurations that are hard on a Jacobian.
 
-#[cfg(feature = "scene")]
 use super::TestCase;
 use crate::error::Result;
 use crate::spring::Spring;
-use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
+use crate::system::{Axes, Constraint, Motion, SystemBuilder};
 use nalgebra::Vector3;
 
 /// Between them: compression, tension and prestress; held, led and partly held particles; one, two and three axes; free
@@ -27,18 +26,14 @@ const SCENES: [&str; 14] = [
     include_str!("scenes/two_springs.toml"),
 ];
 
-/// The built-in scenes, and the [`hard_states`] with a step that resolves their vibrations.
+/// The built-in scenes, and the [`hard_states`].
 ///
 /// # Errors
 /// None: the suite builds every one of them.
 #[cfg(feature = "scene")]
 pub fn built_in() -> Result<Vec<TestCase>> {
     let scenes = SCENES.iter().map(|text| TestCase::of_scene(&crate::scene::Scene::from_toml(text)?));
-    let hard = hard_states()?.into_iter().map(|(name, system, state)| {
-        let case = TestCase { name: name.into(), system, state, dt: 0.0 };
-        Ok(TestCase { dt: case.resolving_step(), ..case })
-    });
-    scenes.chain(hard).collect()
+    scenes.chain(hard_states()?.into_iter().map(Ok)).collect()
 }
 
 /// The strain and the place of a hard state.
@@ -71,16 +66,16 @@ const REGIMES: [Regime; 9] = [
 ];
 
 /// A tetrahedron with a fifth particle, one particle held and another free along two axes, all values unequal, in
-/// nine regimes of strain, place and scale: name, system, state.
+/// nine regimes of strain, place and scale, with steps that resolve their vibrations.
 ///
 /// # Errors
 /// None in practice: every value follows the rules.
-pub fn hard_states() -> Result<Vec<(&'static str, System, State)>> {
-    REGIMES.iter().map(|regime| regime.build().map(|(system, state)| (regime.name, system, state))).collect()
+pub fn hard_states() -> Result<Vec<TestCase>> {
+    REGIMES.iter().map(Regime::build).collect()
 }
 
 impl Regime {
-    fn build(&self) -> Result<(System, State)> {
+    fn build(&self) -> Result<TestCase> {
         let shape = [[0.0, 0.0, 0.0], [1.1, 0.13, -0.21], [0.37, 0.93, 0.11], [0.41, 0.32, 0.97], [1.21, 1.13, 0.83]];
         let mut points = shape.map(Vector3::from);
         let gap = if self.aligned { Vector3::x() } else { points[4] - points[3] };
@@ -103,7 +98,9 @@ impl Regime {
         }
         builder.hold(0);
         builder.constrain(Constraint { particles: vec![2], axes: Axes::of(&[1]), motion: Motion::Held });
-        builder.build()
+        let (system, state) = builder.build()?;
+        let case = TestCase { name: self.name.into(), system, state, dt: 0.0 };
+        Ok(TestCase { dt: case.resolving_step(), ..case })
     }
 }
 
@@ -115,8 +112,8 @@ mod tests {
     #[test]
     fn hard_states_have_the_distance_in_their_name() {
         let states = hard_states().unwrap();
-        assert_eq!((states.len(), states[5].0), (9, "1e6 m from the origin"));
-        for (name, system, state) in &states {
+        assert_eq!((states.len(), states[5].name.as_str()), (9, "1e6 m from the origin"));
+        for TestCase { name, system, state, .. } in &states {
             for (p, mass) in [0.4, 0.71, 1.02, 1.33, 1.64].into_iter().enumerate() {
                 assert!((system.masses()[p] - mass).abs() < 1e-15, "{name}");
             }

@@ -7,6 +7,7 @@
 use super::check::{Check, Claim, ratio, worst};
 use super::comparison::WorstEntries;
 use super::force_error::U;
+use crate::error::{Result, check_length};
 use crate::linear::norm;
 use nalgebra::DMatrix;
 use nalgebra_sparse::CscMatrix;
@@ -35,20 +36,17 @@ pub struct Solved<'a> {
     pub promise: Promise,
 }
 
-const WRONG_SIZE: &str = "A, b and x do not fit each other";
-
 /// The normwise and the componentwise backward error of a solution by a factorization.
 ///
 /// Rigal and Gaches (1967): `‖r‖/(‖A‖ ‖x‖ + ‖b‖)` in the maximum norm. Oettli and Prager (1964): the largest
 /// `|r_i|/(|A||x| + |b|)_i`, relative to the intermediate values of elimination where these are larger. The residual is
 /// computed in twice the usual precision. Sees any error of the solution that matters against rounding of A and b:
 /// permuted, stopped early, solved in 32 bits, another matrix; is blind to a wrong A.
-pub fn backward_errors(a: &CscMatrix<f64>, b: &[f64], solved: &Solved, scene: &str) -> Vec<Check> {
-    let name = |kind: &str| format!("{kind} backward error of {}", solved.method);
-    let check = |kind: &str, value, bound, why: &str| Check::new(Claim::Solvers, name(kind), scene, value, bound, why);
-    let Some(residual) = Residual::new(a, b, solved.x) else {
-        return vec![check("normwise", f64::NAN, 30.0 * U, WRONG_SIZE)];
-    };
+///
+/// # Errors
+/// Sizes that do not fit each other.
+pub fn backward_errors(a: &CscMatrix<f64>, b: &[f64], solved: &Solved, scene: &str) -> Result<[Check; 2]> {
+    let residual = Residual::new(a, b, solved.x)?;
     let normwise = normwise(a, b, solved.x, &residual);
     let allowed = stable_residual(a, solved.x, &residual);
     let mut entries = WorstEntries::new();
@@ -63,26 +61,27 @@ pub fn backward_errors(a: &CscMatrix<f64>, b: &[f64], solved: &Solved, scene: &s
         constant grows with the length of sums in theory, hardly in practice)";
     let componentwise_why = "30 u of (|A||x| + |b|)_i, or of √a_ii √a_jj |x_j| with the largest j where that is more: what elimination passes \
         through row i, as (|L||Lᵀ|)_ij ≤ √a_ii √a_jj by Cauchy and Schwarz";
-    vec![
-        check("normwise", normwise, 30.0 * U, normwise_why),
-        check("componentwise", componentwise, 30.0 * U, componentwise_why)
-            .with_table(entries.into_table(|entry| entry)),
-    ]
+    let check = |kind: &str, value, why: &str| {
+        Check::new(Claim::Solvers, format!("{kind} backward error of {}", solved.method), scene, value, 30.0 * U, why)
+    };
+    let table = entries.into_table(|entry| entry);
+    let componentwise = check("componentwise", componentwise, componentwise_why).with_table(table);
+    Ok([check("normwise", normwise, normwise_why), componentwise])
 }
 
 /// The normwise backward error of a solution with an indefinite A, which an unpivoted LDLᵀ may lose any number of
 /// digits of.
 ///
 /// Sees a solution that should have been refused; is blind to a wrong A.
-pub fn indefinite_backward_error(a: &CscMatrix<f64>, b: &[f64], x: &[f64], method: &str, scene: &str) -> Check {
+///
+/// # Errors
+/// Sizes that do not fit each other.
+pub fn indefinite_backward_error(a: &CscMatrix<f64>, b: &[f64], x: &[f64], method: &str, scene: &str) -> Result<Check> {
+    let value = normwise(a, b, x, &Residual::new(a, b, x)?);
     let name = format!("normwise backward error of {method}, A indefinite");
-    let check = |value, why: &str| Check::new(Claim::Solvers, name.clone(), scene, value, 1e-12, why);
-    let Some(residual) = Residual::new(a, b, x) else {
-        return check(f64::NAN, WRONG_SIZE);
-    };
     let why = "the level above which the solver refuses its own solution, a hundred times below the tolerance of conjugate gradients: \
         no analysis bounds the growth of an unpivoted LDLᵀ";
-    check(normwise(a, b, x, &residual), why)
+    Ok(Check::new(Claim::Solvers, name, scene, value, 1e-12, why))
 }
 
 /// `‖r‖/(‖A‖ ‖x‖ + ‖b‖)` in the maximum norm.
@@ -102,15 +101,22 @@ fn stable_residual(a: &CscMatrix<f64>, x: &[f64], residual: &Residual) -> Vec<f6
 /// that it was given.
 ///
 /// Sees an iteration that stopped early or trusted its recurrence; is blind to a wrong A.
-pub fn tolerance_is_met(a: &CscMatrix<f64>, b: &[f64], x: &[f64], tolerance: f64, method: &str, scene: &str) -> Check {
-    let name = format!("relative residual of {method}");
-    let check = |value, bound, why: &str| Check::new(Claim::Solvers, name.clone(), scene, value, bound, why);
-    let Some(residual) = Residual::new(a, b, x) else {
-        return check(f64::NAN, tolerance, WRONG_SIZE);
-    };
+///
+/// # Errors
+/// Sizes that do not fit each other.
+pub fn tolerance_is_met(
+    a: &CscMatrix<f64>,
+    b: &[f64],
+    x: &[f64],
+    tolerance: f64,
+    method: &str,
+    scene: &str,
+) -> Result<Check> {
+    let residual = Residual::new(a, b, x)?;
+    let value = ratio(norm(&residual.values), norm(b));
     let bound = tolerance + 30.0 * U * norm(&residual.terms) / norm(b).max(f64::MIN_POSITIVE);
     let why = "the given tolerance, and 30 u |A||x| for the residual that the method itself computes in 64 bits";
-    check(ratio(norm(&residual.values), norm(b)), bound, why)
+    Ok(Check::new(Claim::Solvers, format!("relative residual of {method}"), scene, value, bound, why))
 }
 
 /// Compares two solutions of one system, whose difference the condition of A bounds.
@@ -118,6 +124,9 @@ pub fn tolerance_is_met(a: &CscMatrix<f64>, b: &[f64], x: &[f64], tolerance: f64
 /// `solve` is `x ← A⁻¹ x`, used for the estimate alone. Value: `‖x − x_ref‖∞/‖x_ref‖∞`; bound: `‖ |A⁻¹| (r + r_ref)
 /// ‖∞/‖x_ref‖∞` with the residuals that the two methods promise, not those they have. Sees a solution that is worse
 /// than promised, in a direction that matters; is blind to faults of both.
+///
+/// # Errors
+/// Sizes that do not fit each other.
 pub fn solutions_agree(
     a: &CscMatrix<f64>,
     b: &[f64],
@@ -125,13 +134,9 @@ pub fn solutions_agree(
     reference: &Solved,
     solve: &mut dyn FnMut(&mut [f64]),
     scene: &str,
-) -> Check {
-    let name = format!("{} against {}", solved.method, reference.method);
-    let check = |value, bound, why: String| Check::new(Claim::Solvers, name.clone(), scene, value, bound, why);
-    let residual = Residual::new(a, b, reference.x).filter(|_| solved.x.len() == reference.x.len());
-    let Some(residual) = residual else {
-        return check(f64::NAN, 0.0, WRONG_SIZE.into());
-    };
+) -> Result<Check> {
+    check_length("solution", solved.x.len(), reference.x.len())?;
+    let residual = Residual::new(a, b, reference.x)?;
     let stable = stable_residual(a, reference.x, &residual);
     let promised = |promise| match promise {
         Promise::Stable => 0.0,
@@ -147,7 +152,8 @@ pub fn solutions_agree(
         "|A⁻¹| times the residuals that both methods promise, by an estimate from below, times {ESTIMATE_FACTOR}; \
          the condition number is about {condition:.1e}"
     );
-    check(ratio(difference, size), bound, why)
+    let name = format!("{} against {}", solved.method, reference.method);
+    Ok(Check::new(Claim::Solvers, name, scene, ratio(difference, size), bound, why))
 }
 
 /// Holds a condition estimate to the exact condition number, by a dense inverse: for small matrices.
@@ -191,19 +197,7 @@ pub fn condition_is_right(a: &CscMatrix<f64>, estimate: &Condition, scene: &str)
 ///
 /// A climb over the corners `± e_j` of the unit ball: the gradient `Bᵀ sign(B x)` of ‖B x‖₁ points to the next one. A last
 /// vector of alternating signs catches matrices that are built to fool the climb.
-///
-/// # Examples
-/// ```
-/// use sprung::verify::one_norm_estimate;
-///
-/// let product = |x: &mut [f64]| x.iter_mut().zip([1.0, -7.0, 3.0]).for_each(|(x, a)| *x *= a);
-/// assert_eq!(one_norm_estimate(3, product, product), 7.0);
-/// ```
-pub fn one_norm_estimate(
-    order: usize,
-    mut product: impl FnMut(&mut [f64]),
-    mut transposed: impl FnMut(&mut [f64]),
-) -> f64 {
+fn one_norm_estimate(order: usize, mut product: impl FnMut(&mut [f64]), mut transposed: impl FnMut(&mut [f64])) -> f64 {
     let norm_1 = |x: &[f64]| x.iter().map(|x| x.abs()).sum::<f64>();
     let n = order as f64;
     let mut x = vec![1.0 / n; order];
@@ -260,7 +254,7 @@ impl Condition {
 /// ‖∞`, estimated as the 1-norm of `diag(r) A⁻¹`, times 3 as the estimate is from below.
 ///
 /// Unlike `κ(A)` times the relative residual it is sharp with badly scaled rows.
-pub fn forward_bound(residual: &[f64], solve: &mut dyn FnMut(&mut [f64])) -> f64 {
+fn forward_bound(residual: &[f64], solve: &mut dyn FnMut(&mut [f64])) -> f64 {
     let solve = RefCell::new(solve);
     let weigh = |x: &mut [f64]| x.iter_mut().zip(residual).for_each(|(x, r)| *x *= r);
     let product = |x: &mut [f64]| {
@@ -285,11 +279,9 @@ pub(super) struct Residual {
 }
 
 impl Residual {
-    /// `None` when the sizes do not fit.
-    pub fn new(a: &CscMatrix<f64>, b: &[f64], x: &[f64]) -> Option<Self> {
-        if a.nrows() != b.len() || a.ncols() != x.len() {
-            return None;
-        }
+    pub fn new(a: &CscMatrix<f64>, b: &[f64], x: &[f64]) -> Result<Self> {
+        check_length("right-hand side", b.len(), a.nrows())?;
+        check_length("solution", x.len(), a.ncols())?;
         let mut sums: Vec<(f64, f64)> = b.iter().map(|&b| (b, 0.0)).collect();
         let mut terms: Vec<f64> = b.iter().map(|b| b.abs()).collect();
         for (row, column, &value) in a.triplet_iter() {
@@ -301,11 +293,10 @@ impl Residual {
             *low += sum_error - product_error;
             terms[row] += product.abs();
         }
-        Some(Self { values: sums.into_iter().map(|(sum, low)| sum + low).collect(), terms })
+        Ok(Self { values: sums.into_iter().map(|(sum, low)| sum + low).collect(), terms })
     }
 }
 
-/// The rounded sum and its rounding error.
 fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     let of_b = sum - a;
@@ -317,7 +308,6 @@ pub(super) fn largest(values: &[f64]) -> f64 {
     worst(values.iter().map(|value| value.abs()).chain([0.0]))
 }
 
-/// The maximum norm of a matrix.
 pub(super) fn norm_inf(a: &CscMatrix<f64>) -> f64 {
     let mut sums = vec![0.0; a.nrows()];
     a.triplet_iter().for_each(|(row, _, value)| sums[row] += value.abs());

@@ -221,12 +221,10 @@ impl Forces {
     }
 }
 
-/// The norm of the free rows of full-length vectors.
 fn free_norm(case: &TestCase, rows: &[Vector3<f64>]) -> f64 {
     norm(&reduce(&case.system, rows))
 }
 
-/// The norm of the sizes of the particles that move.
 fn mover_norm(case: &TestCase, sizes: &[f64]) -> f64 {
     norm(&movers(&case.system).map(|p| sizes[p]).collect::<Vec<_>>())
 }
@@ -297,7 +295,6 @@ fn verlet_error(case: &TestCase, dt: f64, states: &[State]) -> f64 {
     }))
 }
 
-/// The formula of one step of bdf2.
 struct Bdf2Step {
     tau: f64,
     /// x̃ and ṽ.
@@ -306,7 +303,6 @@ struct Bdf2Step {
     prediction: State,
 }
 
-/// The checks of bdf2 with one stiffness.
 fn bdf2(case: &TestCase, variant: MethodVariant) -> Measured {
     let dt = case.dt.min(case.resolving_step());
     let Some(states) = variant.run(case, direct(), dt, BDF2_STEPS)? else { return Ok(Vec::new()) };

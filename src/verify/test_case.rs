@@ -124,7 +124,6 @@ impl TestCase {
         })
     }
 
-    /// A description that builds the same system and state.
     pub(super) fn description(&self) -> SystemBuilder {
         let Self { system, state, .. } = self;
         let prescribed = system.prescribed();

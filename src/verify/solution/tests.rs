@@ -20,7 +20,7 @@ fn solved<'a>(x: &'a [f64], promise: Promise) -> Solved<'a> {
 
 #[test]
 fn backward_errors_by_hand() {
-    let checks = backward_errors(&system(), &B, &solved(&X, Promise::Stable), "s");
+    let checks = backward_errors(&system(), &B, &solved(&X, Promise::Stable), "s").unwrap();
     let names: Vec<&str> = checks.iter().map(|check| check.name.as_str()).collect();
     assert_eq!(names, ["normwise backward error of m", "componentwise backward error of m"]);
     assert_close(checks[0].value, 0.5 / (19.0 * 2.0 + 30.0));
@@ -29,7 +29,7 @@ fn backward_errors_by_hand() {
     assert!(checks.iter().all(|check| check.bound == 30.0 * U));
     let table: Vec<_> = checks[1].table.iter().map(|entry| (entry.row, entry.analytic, entry.numeric)).collect();
     assert_eq!(table, [(2, -5.0, -5.25), (1, 29.5, 30.0), (0, 0.0, 0.0)]);
-    assert_close(indefinite_backward_error(&system(), &B, &X, "m", "s").value, 0.5 / 68.0);
+    assert_close(indefinite_backward_error(&system(), &B, &X, "m", "s").unwrap().value, 0.5 / 68.0);
 }
 
 #[test]
@@ -42,19 +42,19 @@ fn what_elimination_may_leave_by_hand() {
 #[test]
 fn an_exact_solution_has_no_error() {
     let a = system();
-    let checks = backward_errors(&a, &NOTHING, &solved(&NOTHING, Promise::Stable), "s");
-    assert_eq!(checks.iter().map(|check| check.value).collect::<Vec<_>>(), [0.0, 0.0]);
-    assert_eq!(indefinite_backward_error(&a, &NOTHING, &NOTHING, "m", "s").value, 0.0);
-    let check = tolerance_is_met(&a, &NOTHING, &NOTHING, 1e-10, "m", "s");
+    let checks = backward_errors(&a, &NOTHING, &solved(&NOTHING, Promise::Stable), "s").unwrap();
+    assert_eq!(checks.map(|check| check.value), [0.0, 0.0]);
+    assert_eq!(indefinite_backward_error(&a, &NOTHING, &NOTHING, "m", "s").unwrap().value, 0.0);
+    let check = tolerance_is_met(&a, &NOTHING, &NOTHING, 1e-10, "m", "s").unwrap();
     assert_eq!((check.value, check.bound), (0.0, 1e-10));
     let none = solved(&NOTHING, Promise::Stable);
-    let check = solutions_agree(&a, &NOTHING, &none, &none, &mut |_| {}, "s");
+    let check = solutions_agree(&a, &NOTHING, &none, &none, &mut |_| {}, "s").unwrap();
     assert_eq!((check.value, check.bound), (0.0, 0.0));
 }
 
 #[test]
 fn the_residual_of_an_iteration_by_hand() {
-    let check = tolerance_is_met(&system(), &B, &X, 1e-14, "m", "s");
+    let check = tolerance_is_met(&system(), &B, &X, 1e-14, "m", "s").unwrap();
     let b = (900.0 + 5.25 * 5.25_f64).sqrt();
     assert_close(check.value, (0.25 + 0.0625_f64).sqrt() / b);
     assert_close(check.bound, 1e-14 + 30.0 * U * (16.0 + 64.5 * 64.5 + 18.25 * 18.25_f64).sqrt() / b);
@@ -70,7 +70,7 @@ fn solutions_differ_by_what_both_methods_promise() {
     let off = [0.5, 2.5, -1.25];
     let check = |one: Promise, other: Promise| {
         let mut solve = |x: &mut [f64]| x.iter_mut().zip(diagonal).for_each(|(x, d)| *x /= d);
-        solutions_agree(&a, &b, &solved(&off, one), &solved(&X, other), &mut solve, "s")
+        solutions_agree(&a, &b, &solved(&off, one), &solved(&X, other), &mut solve, "s").unwrap()
     };
     let bound = |iterated: f64| 3.0 * (2.0 * 30.0 * U * 8.0 + iterated) * (1.0 + 3.0 * U) / 2.0;
     let stable = check(Promise::Stable, Promise::Stable);
@@ -82,16 +82,11 @@ fn solutions_differ_by_what_both_methods_promise() {
 }
 
 #[test]
-fn sizes_that_do_not_fit_fail() {
+fn sizes_that_do_not_fit_are_errors() {
     let (a, short) = (system(), [0.0; 2]);
-    let failed = |check: &Check| !check.passed() && check.value.is_nan() && check.why == WRONG_SIZE;
-    assert!(backward_errors(&a, &B, &solved(&short, Promise::Stable), "s").iter().all(failed));
-    assert!(failed(&indefinite_backward_error(&a, &B, &short, "m", "s")));
-    assert!(failed(&tolerance_is_met(&a, &short, &X, 0.1, "m", "s")));
-    for (x, y) in [(&X[..], &short[..]), (&short, &X)] {
-        let (x, y) = (solved(x, Promise::Stable), solved(y, Promise::Stable));
-        assert!(failed(&solutions_agree(&a, &B, &x, &y, &mut |_| {}, "s")));
-    }
+    assert!(Residual::new(&a, &B, &short).is_err() && Residual::new(&a, &short, &X).is_err());
+    let [x, y] = [&X[..], &short].map(|x| solved(x, Promise::Stable));
+    assert!(solutions_agree(&a, &B, &y, &x, &mut |_| {}, "s").is_err());
 }
 
 /// The condition number of the diagonal matrix (4, 16, 2) is 16/2. An estimate of half of it is allowed, as it is not a third, and
@@ -120,8 +115,6 @@ fn the_residual_is_exact_where_double_precision_sees_nothing() {
     let residual = Residual::new(&a, &[1.0], &[1.0 - e]).unwrap();
     assert_eq!(residual.values, [2.0_f64.powi(-60)]);
     assert_eq!(1.0 - (1.0 + e) * (1.0 - e), 0.0);
-    assert!(Residual::new(&a, &[1.0, 2.0], &[1.0]).is_none());
-    assert!(Residual::new(&a, &[1.0], &[]).is_none());
 }
 
 fn estimate(b: &DMatrix<f64>) -> f64 {

@@ -231,14 +231,3 @@ fn a_residual_from_nothing_is_compared_with_rounding() {
     let rounding = 30.0 * U * 50.0 / 2.0 + 30.0 * U * 4.0 * 1.5 / 0.25 / 2.0;
     assert_close(step.contraction(&case, &after), 9.5 / 2.0 / (rounding / 0.5));
 }
-
-/// Steps along a curve meet their own equations, under every option.
-#[test]
-fn steps_of_bdf2_meet_their_own_equations() {
-    let case = chain(5, 0.1);
-    for stiffness in [StiffnessPolicy::Always(Stiffness::Tension), StiffnessPolicy::OnDemand] {
-        let found = bdf2(&case, MethodVariant { method: Method::Bdf2, stiffness }).unwrap();
-        assert_eq!(found.len(), if stiffness == StiffnessPolicy::OnDemand { 2 } else { 3 });
-        assert!(found.iter().all(Check::passed), "{found:?}");
-    }
-}

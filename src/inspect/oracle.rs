@@ -1,0 +1,45 @@
+//! Proofs of definiteness by factorizations of matrices on one pattern, analysed once.
+
+use crate::assembly::{SpringPattern, SystemMatrix};
+use crate::error::Result;
+use crate::linear::{Ldlt, NonPositivePivot};
+use crate::operator::SystemOperator;
+use crate::system::System;
+use crate::work::Work;
+use faer::Par;
+use std::sync::Arc;
+
+/// A matrix and its factorization.
+pub(super) struct Oracle {
+    pub pattern: Arc<SpringPattern>,
+    pub matrix: SystemMatrix,
+    pub factorization: Ldlt,
+}
+
+impl Oracle {
+    /// On a pattern that has been analysed.
+    pub fn new(pattern: Arc<SpringPattern>, factorization: Ldlt) -> Self {
+        Self { matrix: SystemMatrix::zeros(pattern.clone()), pattern, factorization }
+    }
+
+    /// Analyses the pattern of a system's matrices.
+    pub fn analyse(system: &System, par: Par, work: &mut Work) -> Result<Self> {
+        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
+        let factorization = Ldlt::analyse(pattern.pattern(), par)?;
+        work.symbolic_factorizations += 1;
+        Ok(Self::new(pattern, factorization))
+    }
+
+    /// Factors the matrix of an operator.
+    pub fn factor(&mut self, operator: &SystemOperator, work: &mut Work) -> Result<(), NonPositivePivot> {
+        self.matrix.refill(operator);
+        work.assemblies += 1;
+        work.factorizations += 1;
+        self.factorization.factor(self.matrix.matrix())
+    }
+
+    /// Whether the matrix of an operator is positive definite, to rounding: `P = L D Lᵀ` with D > 0.
+    pub fn is_definite(&mut self, operator: &SystemOperator, work: &mut Work) -> bool {
+        self.factor(operator, work).is_ok() && self.factorization.is_positive()
+    }
+}
