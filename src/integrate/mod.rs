@@ -41,7 +41,7 @@ pub use adaptive::{
 pub use backward_euler::{BackwardEuler, LinearBackwardEuler};
 pub use bdf2::Bdf2;
 pub use dop853::Dop853;
-pub use explicit::{ForwardEuler, SymplecticEuler};
+pub use explicit::ExplicitEuler;
 pub use failure::{NotSolved, Status, StepFailure};
 pub use implicit::ImplicitOptions;
 pub use implicit_midpoint::ImplicitMidpoint;
