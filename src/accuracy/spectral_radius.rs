@@ -58,9 +58,7 @@ fn power_method(system: &System, product: impl Fn(&[Vector3<f64>], &mut [Vector3
     // Neighbours move against each other in the fastest vibration; the golden angle from one particle to the next has a part of that.
     let direction = |p: usize| {
         let turn = p as f64 * 2.399_963_229_728_653;
-        let free = system.dofs().free_axes(p);
-        let along = [turn.cos(), turn.sin(), (1.7 * turn).sin()];
-        Vector3::from_fn(|axis, _| if free.contains(axis) { along[axis] } else { 0.0 })
+        system.dofs().free_axes(p).project(&Vector3::new(turn.cos(), turn.sin(), (1.7 * turn).sin()))
     };
     let mut u: Vec<Vector3<f64>> = (0..system.particles()).map(direction).collect();
     let mut force = vec![Vector3::zeros(); system.particles()];
@@ -77,8 +75,7 @@ fn power_method(system: &System, product: impl Fn(&[Vector3<f64>], &mut [Vector3
         force.fill(Vector3::zeros());
         product(&u, &mut force);
         for (p, ((u, f), mass)) in u.iter_mut().zip(&force).zip(system.masses()).enumerate() {
-            let free = system.dofs().free_axes(p);
-            *u = Vector3::from_fn(|axis, _| if free.contains(axis) { -f[axis] / mass } else { 0.0 });
+            *u = system.dofs().free_axes(p).project(&(-f / *mass));
         }
         // In the norm of M the matrix is symmetric: it stretches nothing by more than its largest eigenvalue.
         largest = f64::max(largest, norm(&u));
