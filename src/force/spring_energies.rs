@@ -227,10 +227,12 @@ impl Step<'_> {
         blocks: &mut [Block],
         mut force: Option<&mut [Vector3<f64>]>,
     ) -> Result<(), Coincident> {
-        let Self { system, at, .. } = self;
         dispatch_simd(
             #[inline(always)]
             || {
+                // A copy stays in registers.
+                let step = *self;
+                let Step { system, at, .. } = step;
                 let mut ends = system.pairs()[first..].iter().copied().zip(&system.springs()[first..]);
                 let (mut forces, mut accumulator, mut number) = (Forces::new(), Accumulator::new(), first);
                 for Block { batches, sums } in &mut *blocks {
@@ -238,7 +240,7 @@ impl Step<'_> {
                     let [mut elastic, mut dissipated, mut certain] = [[0.0; BATCH]; 3];
                     for batch in batches {
                         // Slots behind the last spring keep earlier ones, which add nothing without stiffness and damping.
-                        let count = forces.gather::<true>(at, &mut ends);
+                        let count = forces.gather::<true>(&at, &mut ends);
                         if let Some(force) = &mut force {
                             forces.set_pulls()?;
                             forces.add_forces(count, 0, force, &mut accumulator);
@@ -246,11 +248,11 @@ impl Step<'_> {
                             forces.set_lengths();
                         }
                         if system.has_spring_law() {
-                            self.add_energies(number..number + count, &forces.length, &mut elastic);
+                            step.add_energies(number..number + count, &forces.length, &mut elastic);
                         } else {
                             batch.add_energies(&forces, &mut elastic);
                         }
-                        batch.move_on(self, &forces, [&mut certain, &mut dissipated]);
+                        batch.move_on(&step, &forces, [&mut certain, &mut dissipated]);
                         number += count;
                     }
                     let [elastic, dissipated, certain] = [&elastic, &dissipated, &certain].map(folded);
