@@ -343,7 +343,7 @@ impl<O: Observer> Search<'_, O> {
         Candidate { configuration: self.configuration(method), control }
     }
 
-    /// The method and the step or tolerance of the first run.
+    /// The method and the step or tolerance of the first run: guesses, which decide about the work and not about the verdict.
     fn first_candidate(&self) -> Result<Candidate> {
         let Self { system, start, options, .. } = self;
         let AccuracyOptions { accuracy, duration, .. } = **options;

@@ -156,7 +156,7 @@ impl Method {
         match self {
             Self::Bdf2 => 2.0 / 3.0 * step,
             Self::W2 => WMethod::GAMMA * step,
-            Self::Rodas4 => Rodas4::GAMMA * step,
+            Self::Rodas4 => super::rodas4::GAMMA * step,
             Self::ImplicitMidpoint => 0.5 * step,
             _ => step,
         }

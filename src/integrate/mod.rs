@@ -8,6 +8,8 @@ mod bdf2;
 mod dop853;
 mod explicit;
 mod failure;
+#[cfg(test)]
+mod fixtures;
 mod implicit;
 mod implicit_midpoint;
 #[cfg(test)]
@@ -17,8 +19,6 @@ mod matrices;
 mod method;
 mod monitor;
 mod newton;
-#[cfg(test)]
-mod oscillator;
 #[cfg(test)]
 mod parts_tests;
 mod progressive;

@@ -1,6 +1,6 @@
 //! One step of every method against its formula, worked out for an oscillator.
 
-use super::oscillator::{OscillationAxis, Oscillator};
+use super::fixtures::{OscillationAxis, Oscillator};
 use super::{AdaptiveStepper, Bdf2, ImplicitOptions, LinearBackwardEuler, Method, StepMatrices, TimeStepper, WMethod};
 use crate::linear::{SolverChoice, SolverOptions};
 use crate::spring::Stiffness;

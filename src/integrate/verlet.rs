@@ -216,7 +216,7 @@ impl TimeStepper for Verlet<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::integrate::substeps::pulled_with_kinks;
+    use crate::integrate::fixtures::pulled_with_kinks;
     use crate::integrate::{Monitor, MonitorOptions};
     use crate::spring::{Spring, SpringLaw, Tension};
     use crate::system::SystemBuilder;

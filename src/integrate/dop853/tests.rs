@@ -1,7 +1,6 @@
 use super::coefficients::{A, C, E3, E5, Row, SQUARE, STAGES, chain, sum, weights};
 use super::{Dop853, END};
-use crate::integrate::oscillator::{OscillationAxis, Oscillator};
-use crate::integrate::substeps::pulled_with_kinks;
+use crate::integrate::fixtures::{OscillationAxis, Oscillator, pulled_with_kinks};
 use crate::integrate::{AdaptiveStepper, TimeStepper};
 use crate::spring::Spring;
 use crate::system::{State, System, SystemBuilder};

@@ -54,18 +54,6 @@ fn energy_from_nowhere_ends_a_run() {
     }
 }
 
-/// An energy that is no number ends a run.
-#[test]
-fn energies_beyond_all_numbers_end_a_run() {
-    let (system, start) = free();
-    let mut monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
-    assert!(!monitor.has_overflowed());
-    let mut state = with(&start, 1.0, 1.0);
-    state.velocities[0].y = 1e200;
-    assert_eq!(monitor.enter(1, &state, 1.0), Err(StepFailure::NonFinite));
-    assert!(monitor.has_overflowed());
-}
-
 /// A free particle on a damped spring of 12 N/m that another, which is led, draws along.
 fn drawn() -> (System, State) {
     let mut builder = SystemBuilder::new();
@@ -121,32 +109,6 @@ fn accounts_between_steps_are_in_proportion_to_time() {
     let between = after(&system, &first, 0.125, 0.4);
     let energy = Energy::of(&system, &between);
     assert_eq!(monitor.energy_at(&between), (energy, monitor.balance_between(2.375, &energy)));
-}
-
-/// A run that goes on from a state knows of what was before as much as one that was never left.
-#[test]
-fn accounts_go_on_where_they_were_left() {
-    let (system, start) = drawn();
-    let mut states = vec![start.clone()];
-    for v in [0.5, 0.25, -0.125, 0.75] {
-        states.push(after(&system, states.last().unwrap(), 0.125, v));
-    }
-    let options = MonitorOptions::default();
-    let enter = |monitor: &mut Monitor, steps: usize| monitor.enter(steps as u64, &states[steps], 0.125).unwrap();
-    let mut whole = Monitor::new(&system, &start, options).unwrap();
-    (1..=2).for_each(|steps| enter(&mut whole, steps));
-    let account = whole.account();
-    let mut later = Monitor::continued(&system, [&start, &states[2]], 2, &account, options).unwrap();
-    assert!(later.account() == account);
-    assert_eq!((later.initial(), later.balance(), later.last.time), (whole.initial(), whole.balance(), 2.25));
-    // Before a step is entered there is none to be between the ends of.
-    assert_eq!(later.balance_between(0.0, &later.energy()), whole.balance());
-    let mut state = start.clone();
-    assert_eq!((later.restore(&mut state), &state), (2, &states[2]));
-    (3..=4).for_each(|steps| [&mut whole, &mut later].into_iter().for_each(|monitor| enter(monitor, steps)));
-    assert_eq!(later.balance(), whole.balance());
-    let [whole, later] = [whole, later].map(|monitor| monitor.indicators(&states[4]));
-    assert_eq!((later.exchanged, later.gained), (whole.exchanged, whole.gained));
 }
 
 /// Indicators are relative to the extent of the scene at its end; of a scene at one place to the way from the start of the whole run.

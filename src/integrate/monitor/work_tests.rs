@@ -1,6 +1,6 @@
 //! The work of constraints and external forces, against integrals by hand.
 
-use super::work::{BodyEnergy, Work};
+use super::work::Work;
 use crate::spring::Spring;
 use crate::system::{Axes, Constraint, ExternalForce, Motion, State, StateView, System, SystemBuilder};
 use nalgebra::Vector3;
@@ -53,17 +53,6 @@ fn a_spring_that_is_drawn_takes_its_tension_times_the_way() {
         assert_eq!(!near(found.work, simple), is_resolved, "{h}: {found:?} {simple}");
         assert_eq!(!near(found.dissipated, found.certain), is_resolved, "{h}: {found:?}");
     }
-}
-
-/// A coordinate led along x has kinetic energy and weight along x alone.
-#[test]
-fn led_coordinates_have_energy_of_their_own() {
-    let (system, mut state) = moved();
-    state.positions[0] = Vector3::new(0.25, 3.0, 7.0);
-    state.velocities[0] = Vector3::new(0.5, 3.0, 7.0);
-    let prescribed = Work::new(&system, &state).energy(&state);
-    assert_eq!(prescribed, BodyEnergy { kinetic: 1.5 * 0.25, gravitational: 3.0 * 4.0 * 0.25 });
-    assert_eq!(prescribed.total(), 3.375);
 }
 
 /// Grows with time, and differs from particle to particle and from axis to axis.

@@ -1,6 +1,6 @@
 use super::{A, B, C, GAMMA, RATES, Rodas4, Row, STAGES, TIMES, rotational_damping};
 use crate::force::SpringGeometry;
-use crate::integrate::oscillator::{OscillationAxis, Oscillator};
+use crate::integrate::fixtures::{OscillationAxis, Oscillator};
 use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
 use crate::linear::{
     Definiteness, LdltSolver, LinearSolver, PreparedMatrix, Solution, SolveFailure, SolverChoice, SolverOptions, norm,

@@ -1,6 +1,6 @@
-//! A particle whose steps are known by hand, whatever the method.
+//! Motions for tests: of a particle whose steps are known by hand, whatever the method, and of one on a path with kinks.
 //!
-//! A spring draws it behind a particle that is moved along x, faster, back and faster again between kinks a second apart. Seen from there
+//! A spring draws the first behind a particle that is moved along x, faster, back and faster again between kinks a second apart. Seen from there
 //! it swings about the place where the spring carries its weight, along the spring as a damped oscillator and, by as little as makes no
 //! difference along it, across the spring as an undamped one. With λ the eigenvalue and `y = Re(a)`, `y' = Re(λ a)`, a method with
 //! the stability function R makes `R(hλ) a` of a.
@@ -98,4 +98,16 @@ impl Oscillator {
         let is_along = state.positions.iter().all(|x| x.z == 0.0) && state.velocities.iter().all(|v| v.z == 0.0);
         is_along && found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() <= tolerance * size)
     }
+}
+
+/// A damped particle on a spring to another that starts, turns and stops suddenly, a quarter of a second each.
+pub(super) fn pulled_with_kinks() -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([2.1, 0.0, 0.0], 1.0);
+    let offsets = [[0.0, 0.0, 0.0], [0.5, 0.1, 0.0], [0.25, 0.0, 0.0]].map(Vector3::from).to_vec();
+    let motion = Motion::Path { times: vec![0.25, 0.5, 0.75], offsets };
+    builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
+    builder.spring(0, 1, Spring { stiffness: 30.0, rest_length: 2.0, damping: 3.0 });
+    builder.build().unwrap()
 }
