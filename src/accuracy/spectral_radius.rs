@@ -113,15 +113,11 @@ mod tests {
     use super::*;
     use crate::spring::Spring;
     use crate::system::SystemBuilder;
+    use crate::system::fixtures::tethered;
 
     /// A particle of 2 kg on a held one: ω² = κ/m with κ = k/l0 = 18 N/m, and c = b/m.
     fn oscillator(damping: f64) -> (System, State) {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.5, 0.0, 0.0], 2.0);
-        builder.spring(0, 1, Spring { stiffness: 27.0, rest_length: 1.5, damping });
-        builder.hold(0);
-        builder.build().unwrap()
+        tethered(1.5, 2.0, Spring { stiffness: 27.0, rest_length: 1.5, damping })
     }
 
     #[test]

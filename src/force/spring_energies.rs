@@ -165,9 +165,12 @@ impl<'s> SpringEnergies<'s> {
         Ok(())
     }
 
-    /// Visits the springs at the end of a step of dt seconds, with the velocities of the method's force evaluation.
+    /// Visits the springs at the end of a step of dt seconds, with the velocities of the method's force evaluation; not at a state of
+    /// another system, which is refused when it is entered.
     pub(crate) fn see(&mut self, at: &StateView<'_>, dt: f64) {
-        self.ahead = Some(self.pass(at, dt));
+        if at.positions.len() == self.system.particles() {
+            self.ahead = Some(self.pass(at, dt));
+        }
     }
 
     /// The sums of a step of dt seconds to a state, from the pass made along with it or from one made now.

@@ -35,17 +35,12 @@ pub(super) struct Oscillator {
 impl Oscillator {
     /// At a time between 1 s and 2 s, off its place and in motion.
     pub fn new(axis: OscillationAxis, damping: f64, time: f64) -> Self {
-        Self::drifting(axis, damping, time, 0.0)
-    }
-
-    /// The same, and all of it goes at a steady speed along y.
-    pub fn drifting(axis: OscillationAxis, damping: f64, time: f64, drift: f64) -> Self {
         let mut builder = SystemBuilder::new();
         builder.gravity(GRAVITY, 0.0, 0.0);
         builder.particle([0.0; 3], 7.0);
         builder.particle([1.0, 0.0, 0.0], MASS);
         builder.spring(0, 1, Spring { stiffness: STIFFNESS * REST_LENGTH, rest_length: REST_LENGTH, damping });
-        let (times, offsets) = PATH.map(|(time, x)| (time, Vector3::new(x, drift * time, 0.0))).into_iter().unzip();
+        let (times, offsets) = PATH.map(|(time, x)| (time, Vector3::new(x, 0.0, 0.0))).into_iter().unzip();
         builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion: Motion::Path { times, offsets } });
         let (system, mut start) = builder.build().unwrap();
         start.time = time;

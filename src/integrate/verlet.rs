@@ -219,17 +219,12 @@ mod tests {
     use crate::integrate::fixtures::pulled_with_kinks;
     use crate::integrate::{Monitor, MonitorOptions};
     use crate::spring::{Spring, SpringLaw, Tension};
-    use crate::system::SystemBuilder;
+    use crate::system::fixtures::tethered;
 
     /// A particle on a spring along the first axis, of this frequency and damping ratio, away from rest by 0.1 m.
     fn oscillator(frequency: f64, ratio: f64) -> (System, State) {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([2.1, 0.0, 0.0], 1.0);
-        builder.hold(0);
         let stiffness = 2.0 * frequency * frequency;
-        builder.spring(0, 1, Spring { stiffness, rest_length: 2.0, damping: 2.0 * ratio * frequency });
-        builder.build().unwrap()
+        tethered(2.1, 1.0, Spring { stiffness, rest_length: 2.0, damping: 2.0 * ratio * frequency })
     }
 
     /// Just below `hω = 2(√(1 + 4ζ²) − 2ζ)` motions stay bounded, just above they grow.

@@ -83,7 +83,7 @@ impl State {
 /// started if they are all at one place; never zero.
 pub(crate) fn extent(system: Option<&System>, positions: &[Vector3<f64>], start: &[Vector3<f64>]) -> f64 {
     let total = |sums: [f64; 4]| system.map_or(sums, |system| system.total(sums));
-    let own = &positions[..system.map_or(positions.len(), System::own_particles)];
+    let own = &positions[..system.map_or(positions.len(), System::own_particles).min(positions.len())];
     let sum = own.iter().sum::<Vector3<f64>>();
     let [count, x, y, z] = total([own.len() as f64, sum.x, sum.y, sum.z]);
     let centroid = Vector3::new(x, y, z) / count.max(1.0);

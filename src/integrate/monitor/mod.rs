@@ -170,8 +170,9 @@ impl<'s> Monitor<'s> {
     ///
     /// # Errors
     /// [`StepFailure::Unstable`] when energy has appeared from nowhere, if that is to end the run;
-    /// [`StepFailure::NonFinite`] when an energy is not finite.
+    /// [`StepFailure::NonFinite`] when an energy is not finite; a state of another system, or a dt that is not positive.
     pub fn enter(&mut self, steps: u64, state: &State, dt: f64) -> Result<(), StepFailure> {
+        StepFailure::of_arguments(self.system, state, dt)?;
         self.before = (self.last.time, self.balance());
         let sums = self.springs.enter(state, dt).add(&self.work.enter(&self.last, state, dt)).of_all_parts(self.system);
         let particles = ParticleSums::at(self.system, state, self.is_loose);

@@ -4,8 +4,9 @@ use super::energy_balance::{EnergyBalance, Free, ParticleSums};
 use super::work::BodyEnergy;
 use super::{Balance, Monitor, MonitorOptions};
 use crate::force::{Energy, SpringSums};
-use crate::integrate::{Outcome, Schedule, Statistics, Status, StepFailure, TimeStepper, run_monitored};
+use crate::integrate::{Outcome, Schedule, Statistics, Status, StepFailure, TimeStepper, Verlet, run_monitored};
 use crate::spring::Spring;
+use crate::system::fixtures::row;
 use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
 use nalgebra::Vector3;
 use std::ops::ControlFlow;
@@ -52,6 +53,19 @@ fn energy_from_nowhere_ends_a_run() {
         assert_eq!((monitor.restore(&mut state), state), (1, with(&start, 1.25, 1.0)));
         assert!((monitor.energy().total() - 1.25).abs() < 1e-12);
     }
+}
+
+/// A state of another system is no state of the run.
+#[test]
+fn states_of_other_systems_are_refused() {
+    let ((system, start), (other, foreign)) = (free(), row(3));
+    assert!(Monitor::new(&system, &foreign, MonitorOptions::default()).is_err());
+    let mut monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
+    let mut stepper = Verlet::new(&other, &foreign).unwrap();
+    let mut state = foreign.clone();
+    let see = |_: u64, _: &State, _: &Monitor| ControlFlow::Continue(());
+    let outcome = run_monitored(&mut stepper, &mut state, &Schedule::steps(0.1, 2), &mut monitor, see);
+    assert_eq!(outcome.end.unwrap_err().failure, StepFailure::ForeignState { found: 3, expected: 2 });
 }
 
 /// A free particle on a damped spring of 12 N/m that another, which is led, draws along.

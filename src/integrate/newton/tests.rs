@@ -5,6 +5,7 @@ use crate::integrate::{ImplicitOptions, NotSolved, StepFailure, StiffnessPolicy}
 use crate::linear::SolveFailure;
 use crate::operator::Combination;
 use crate::spring::{Spring, Stiffness};
+use crate::system::fixtures::tethered;
 use crate::system::{State, System, SystemBuilder};
 use nalgebra::Vector3;
 
@@ -76,12 +77,7 @@ fn the_potential_its_slope_and_the_work_of_damping() {
 #[test]
 fn what_overflows_is_refused() {
     for (stiffness, rest_length, length) in [(1e160, 1.0, 2.0), (1e-50, 1.0, 1e200)] {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.0, 0.0, 0.0], 1.0);
-        builder.hold(0);
-        builder.spring(0, 1, Spring { stiffness, rest_length, damping: 0.0 });
-        let (system, mut state) = builder.build().unwrap();
+        let (system, mut state) = tethered(1.0, 1.0, Spring { stiffness, rest_length, damping: 0.0 });
         let mut newton = newton(&system, &state, Stiffness::Full);
         assert!(newton.evaluate(&state, 1.0, 0.0).is_ok());
         // At this length from the start on, so that inertia has no part in it.
@@ -98,12 +94,7 @@ fn what_overflows_is_refused() {
 
 /// A weight on a spring from the origin at its rest length of 1 m.
 fn weight(stiffness: f64, speed: f64) -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([1.0, 0.0, 0.0], 1.0);
-    builder.hold(0);
-    builder.spring(0, 1, Spring { stiffness, rest_length: 1.0, damping: 0.0 });
-    let (system, mut state) = builder.build().unwrap();
+    let (system, mut state) = tethered(1.0, 1.0, Spring { stiffness, rest_length: 1.0, damping: 0.0 });
     state.velocities[1].x = speed;
     (system, state)
 }
@@ -241,20 +232,10 @@ fn relative_residual(newton: &mut Newton, state: &State, dt: f64) -> f64 {
     free_norm(linear.system, force) / balance.forces
 }
 
-/// A particle of 1 kg on one spring from the origin, at rest on the first axis; a step is to take one second.
-fn on_the_axis(from: f64, spring: Spring) -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([from, 0.0, 0.0], 1.0);
-    builder.hold(0);
-    builder.spring(0, 1, spring);
-    builder.build().unwrap()
-}
-
 /// A compressed spring takes 1.5 N/m across, more than the mass gives: masses are raised in steps of four.
 #[test]
 fn masses_are_raised_where_nothing_else_is_left() {
-    let (system, state) = on_the_axis(1.0, Spring { stiffness: 3.0, rest_length: 2.0, damping: 0.0 });
+    let (system, state) = tethered(1.0, 1.0, Spring { stiffness: 3.0, rest_length: 2.0, damping: 0.0 });
     let mut newton = newton(&system, &state, Stiffness::Full);
     newton.evaluate(&state, 1.0, 0.0).unwrap();
     newton.force[1] = Vector3::new(0.0, 2.0, 0.0);
@@ -274,7 +255,7 @@ fn masses_are_raised_where_nothing_else_is_left() {
 /// Steps are shortened where the spring would collapse, and where φ would rise above the highest that counts.
 #[test]
 fn line_searches_shorten_steps() {
-    let (system, state) = on_the_axis(1.0, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+    let (system, state) = tethered(1.0, 1.0, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
     let mut newton = newton(&system, &state, Stiffness::Full);
     let high = Point { residual: 1.0, potential: 1e9, noise: 0.0, slope: -1.0, damping_slope: 0.0 };
     newton.direction[1].x = -1.0;

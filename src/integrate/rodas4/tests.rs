@@ -7,6 +7,7 @@ use crate::linear::{
 };
 use crate::operator::SystemOperator;
 use crate::spring::{Spring, Stiffness};
+use crate::system::fixtures::tethered;
 use crate::system::{State, System, SystemBuilder};
 use crate::work::Work;
 use nalgebra::{Complex, SMatrix, SVector, Vector3};
@@ -211,12 +212,7 @@ fn steps_are_cut_five_times_at_most() {
 
 /// A particle of 4 kg on 400 N/m, 0.3 m from rest.
 fn pulled() -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([1.3, 0.0, 0.0], 4.0);
-    builder.spring(0, 1, Spring { stiffness: 400.0, rest_length: 1.0, damping: 0.0 });
-    builder.hold(0);
-    builder.build().unwrap()
+    tethered(1.3, 4.0, Spring { stiffness: 400.0, rest_length: 1.0, damping: 0.0 })
 }
 
 /// The error of the last step stands for this one's, by the fourth power of the ratio of lengths; for a longer one unchanged.
