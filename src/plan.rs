@@ -126,7 +126,6 @@ impl RunOptions {
         }
     }
 
-    /// The linear solver.
     fn linear(&self, system: &System) -> SolverOptions {
         let defaults = SolverOptions::default();
         SolverOptions {

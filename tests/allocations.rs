@@ -123,7 +123,7 @@ fn what_is_asked_for_covers_what_is_taken() {
         for (what, [spring, particle], bytes) in [
             ("monitor", [100, 400], taken(&|| drop(Monitor::new(&system, &state, options).unwrap()))),
             ("verlet", [40, 150], taken(&|| drop(Verlet::new(&system, &state).unwrap()))),
-            ("symplectic Euler", [40, 150], taken(&|| drop(SymplecticEuler::new(&system, &state).unwrap()))),
+            ("symplectic Euler", [40, 150], taken(&|| drop(ExplicitEuler::symplectic(&system, &state).unwrap()))),
             ("dop853", [40, 700], taken(&|| drop(Dop853::new(&system, &state).unwrap()))),
         ] {
             let asked = spring * system.springs().len() as u64 + particle * system.particles() as u64;

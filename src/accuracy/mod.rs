@@ -22,7 +22,7 @@ pub use trial::{Configuration, StepControl, Trial, trial};
 
 use crate::error::Result;
 use crate::integrate::Monitor;
-use crate::system::State;
+use crate::system::{State, extent as extent_of};
 use nalgebra::Vector3;
 
 /// The relative position error `‖x − x̂‖ / ‖x̂ − c‖` of x against a reference x̂.
@@ -48,12 +48,7 @@ pub fn relative_position_error(x: &[Vector3<f64>], reference: &[Vector3<f64>], s
 
 /// The denominator of [`relative_position_error`], in m.
 pub fn extent(reference: &[Vector3<f64>], start: &[Vector3<f64>]) -> f64 {
-    let centroid = reference.iter().sum::<Vector3<f64>>() / reference.len().max(1) as f64;
-    let spread = reference.iter().map(|x| (x - centroid).norm_squared()).sum::<f64>().sqrt();
-    let largest = reference.iter().map(|x| x.norm()).fold(0.0, f64::max);
-    // A spread by rounding is none.
-    let candidates = [spread, distance(reference, start)];
-    candidates.into_iter().find(|&length| length > 1e-12 * largest).unwrap_or(1.0)
+    extent_of(None, reference, start)
 }
 
 fn distance(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
@@ -80,8 +75,6 @@ pub trait Observer {
     /// Progress of the search.
     fn progress(&mut self, _progress: &SearchProgress<'_>) {}
 }
-
-/// No observer.
 impl Observer for () {
     type Records = ();
 

@@ -125,7 +125,7 @@ impl<R> Answer<R> {
             }
         };
         // An error of a tenth of the motion hardly resolves it.
-        let small = (self.motion > 0.0 && self.motion < 10.0 * accuracy).then(|| {
+        let small = (self.motion > 0.0 && LINEAR * self.motion < accuracy).then(|| {
             format!(
                 "the motion itself is {} of the extent: an accuracy of {required} says little of it",
                 percent(self.motion)
@@ -143,7 +143,7 @@ const FINER: f64 = 2.0;
 /// explained by them.
 const AGREEMENT: f64 = 3.0;
 
-/// The relative error from which the linear equation of propagated errors does not hold.
+/// The relative error from which the linear equation of propagated errors does not hold, and below which an answer resolves a motion.
 const LINEAR: f64 = 0.1;
 
 /// The search goes on for so many times the cost of the run whose propagated error first exceeds the accuracy. A choice.
@@ -346,7 +346,7 @@ impl<O: Observer> Search<'_, O> {
         Candidate { configuration: self.configuration(method), control }
     }
 
-    /// The method and the step or tolerance of the first run.
+    /// The method and the step or tolerance of the first run: guesses, which decide about the work and not about the verdict.
     fn first_candidate(&self) -> Result<Candidate> {
         let Self { system, start, options, .. } = self;
         let AccuracyOptions { accuracy, duration, .. } = **options;

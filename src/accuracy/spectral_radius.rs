@@ -58,9 +58,7 @@ fn power_method(system: &System, product: impl Fn(&[Vector3<f64>], &mut [Vector3
     // Neighbours move against each other in the fastest vibration; the golden angle from one particle to the next has a part of that.
     let direction = |p: usize| {
         let turn = p as f64 * 2.399_963_229_728_653;
-        let free = system.dofs().free_axes(p);
-        let along = [turn.cos(), turn.sin(), (1.7 * turn).sin()];
-        Vector3::from_fn(|axis, _| if free.contains(axis) { along[axis] } else { 0.0 })
+        system.dofs().free_axes(p).project(&Vector3::new(turn.cos(), turn.sin(), (1.7 * turn).sin()))
     };
     let mut u: Vec<Vector3<f64>> = (0..system.particles()).map(direction).collect();
     let mut force = vec![Vector3::zeros(); system.particles()];
@@ -77,8 +75,7 @@ fn power_method(system: &System, product: impl Fn(&[Vector3<f64>], &mut [Vector3
         force.fill(Vector3::zeros());
         product(&u, &mut force);
         for (p, ((u, f), mass)) in u.iter_mut().zip(&force).zip(system.masses()).enumerate() {
-            let free = system.dofs().free_axes(p);
-            *u = Vector3::from_fn(|axis, _| if free.contains(axis) { -f[axis] / mass } else { 0.0 });
+            *u = system.dofs().free_axes(p).project(&(-f / *mass));
         }
         // In the norm of M the matrix is symmetric: it stretches nothing by more than its largest eigenvalue.
         largest = f64::max(largest, norm(&u));
@@ -116,15 +113,11 @@ mod tests {
     use super::*;
     use crate::spring::Spring;
     use crate::system::SystemBuilder;
+    use crate::system::fixtures::tethered;
 
     /// A particle of 2 kg on a held one: ω² = κ/m with κ = k/l0 = 18 N/m, and c = b/m.
     fn oscillator(damping: f64) -> (System, State) {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.5, 0.0, 0.0], 2.0);
-        builder.spring(0, 1, Spring { stiffness: 27.0, rest_length: 1.5, damping });
-        builder.hold(0);
-        builder.build().unwrap()
+        tethered(1.5, 2.0, Spring { stiffness: 27.0, rest_length: 1.5, damping })
     }
 
     #[test]

@@ -15,13 +15,11 @@ use crate::system::StateView;
 use nalgebra::Vector3;
 
 /// Springs per batch; its arrays fit the first-level cache.
-pub(crate) const BATCH: usize = 32;
+pub(super) const BATCH: usize = 32;
 
 /// One number for every spring of a batch.
-pub(crate) type List = [f64; BATCH];
-
-/// A spring with its ends.
-pub(crate) type Ends<'a> = ([u32; 2], &'a Spring);
+pub(super) type List = [f64; BATCH];
+pub(super) type Ends<'a> = ([u32; 2], &'a Spring);
 
 /// Adds the forces of springs to their ends, compiled for every instruction set that [`pulp`] detects.
 pub(super) struct AddForces<'a, I> {
@@ -52,10 +50,10 @@ impl<'a, I: Iterator<Item = Ends<'a>>> pulp::NullaryFnOnce for AddForces<'a, I> 
 }
 
 /// A spring has coincident ends.
-pub(crate) struct Coincident;
+pub(super) struct Coincident;
 
 /// The arrays of a batch. An incomplete batch keeps values of the previous one, which are not used.
-pub(crate) struct Batch {
+pub(super) struct Batch {
     ends: [[u32; 2]; BATCH],
     d: [Vector3<f64>; BATCH],
     squared: List,
@@ -124,6 +122,16 @@ impl Batch {
         BATCH
     }
 
+    /// Computes lengths. The inverse of a length of zero counts as zero.
+    #[inline(always)]
+    pub fn set_lengths(&mut self) {
+        for slot in 0..BATCH {
+            let length = self.squared[slot].sqrt();
+            self.length[slot] = length;
+            self.inverse[slot] = if length > 0.0 { 1.0 / length } else { 0.0 };
+        }
+    }
+
     /// Computes lengths and tensions.
     #[inline(always)]
     pub fn set_pulls(&mut self) -> Result<(), Coincident> {
@@ -152,7 +160,7 @@ impl Batch {
 }
 
 /// Adds spring forces to their ends and keeps the sum of the first end, which successive springs often share, in registers.
-pub(crate) struct Accumulator {
+pub(super) struct Accumulator {
     particle: u32,
     force: Vector3<f64>,
 }

@@ -142,13 +142,13 @@ fn law_force(
 }
 
 /// True if the squared distance of two particles is zero or underflows.
-pub(crate) fn coincide(positions: &[Vector3<f64>], [i, j]: [usize; 2]) -> bool {
+pub(super) fn coincide(positions: &[Vector3<f64>], [i, j]: [usize; 2]) -> bool {
     (positions[i] - positions[j]).norm_squared() == 0.0
 }
 
 /// The first active spring with coincident ends.
 #[cold]
-pub(crate) fn first_degenerate(system: &System, positions: &[Vector3<f64>]) -> DegenerateSpring {
+pub(super) fn first_degenerate(system: &System, positions: &[Vector3<f64>]) -> DegenerateSpring {
     let mut active = system.active().map(|(spring, pair, _)| (spring, pair));
     let (spring, pair) = active.find(|(_, pair)| coincide(positions, *pair)).unwrap_or_default();
     DegenerateSpring { spring, pair }

@@ -273,9 +273,6 @@ fn drive(
         let failure = match try_step(stepper, system, &stiffness, &scales, state, h) {
             Ok((error, doubt)) if error <= 1.0 => {
                 before.copy_from(state);
-                if let Some(monitor) = &mut monitor {
-                    monitor.begin_step(state);
-                }
                 stepper.accept(state);
                 steps += 1;
                 control.accepted(error, h, stepper);
@@ -357,8 +354,6 @@ fn stiffness(system: &System) -> Vec<f64> {
     }
     sums
 }
-
-/// The samples that the observer of a run sees.
 struct Samples {
     sampling: OutputTimes,
     start: f64,

@@ -14,7 +14,7 @@
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::linear_tolerance::mass_norm;
 use super::newton::{Newton, NewtonOptions};
-use super::propagated_error::{LeadingTerm, on_axes};
+use super::propagated_error::LeadingTerm;
 use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper, fits};
 use crate::error::Result;
 use crate::force::{SpringGeometry, add_elastic_force, add_undamped_external_forces, add_weight, set_total_force};
@@ -102,10 +102,10 @@ impl TimeStepper for LinearBackwardEuler<'_> {
         for (p, (r, mass)) in force.iter_mut().zip(system.masses()).enumerate() {
             let free = system.dofs().free_axes(p);
             let inertia = (step.after.velocities[p] - step.before.velocities[p]) * (mass / step.length);
-            *r = on_axes(*r - inertia, free);
+            *r = free.project(&(*r - inertia));
             if p < system.own_particles() {
                 left_out += r.norm_squared();
-                balanced += on_axes(inertia, free).norm_squared();
+                balanced += free.project(&inertia).norm_squared();
             }
         }
         let [left_out, balanced] = system.total([left_out, balanced]).map(f64::sqrt);

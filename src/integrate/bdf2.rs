@@ -149,8 +149,6 @@ impl<'s> Bdf2<'s> {
         (self.step, self.ratio) = (h, ratio);
         StepFailure::unless_finite(system, next.is_finite())
     }
-
-    /// Makes the computed state the current one.
     fn commit(&mut self, state: &mut State) {
         self.estimate.record(&self.history, state, self.ratio);
         self.history.record(state, &self.next, self.step);

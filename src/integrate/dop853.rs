@@ -126,8 +126,6 @@ impl<'s> Dop853<'s> {
             statistics: Statistics::default(),
         }
     }
-
-    /// Computes the acceleration of a stage at `self.stage`.
     fn set_acceleration(&mut self, stage: usize) -> Result<(), StepFailure> {
         let Self { system, stages, stage: at, statistics, .. } = self;
         let a = &mut stages[stage];

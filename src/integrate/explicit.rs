@@ -27,9 +27,10 @@ fn advance_symplectic(x: Vector3<f64>, v: Vector3<f64>, dv: Vector3<f64>, dt: f6
     [x + (v + dv) * dt, v + dv]
 }
 
-/// A method with one force evaluation at the start of the step.
-struct Explicit<'s> {
+/// An explicit Euler method, of first order: [forward](Self::forward) or [symplectic](Self::symplectic).
+pub struct ExplicitEuler<'s> {
     system: &'s System,
+    name: &'static str,
     advance: Advance,
     term: LeadingTerm,
     force: Vec<Vector3<f64>>,
@@ -39,11 +40,42 @@ struct Explicit<'s> {
     statistics: Statistics,
 }
 
-impl<'s> Explicit<'s> {
-    fn new(system: &'s System, state: &State, advance: Advance, term: LeadingTerm) -> Result<Self> {
+impl<'s> ExplicitEuler<'s> {
+    /// Forward Euler: `x' = x + dt v`, `v' = v + dt M⁻¹ f(x, v)`. Gains energy at every step size.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `state`; a state of another system; too little memory.
+    pub fn forward(system: &'s System, state: &State) -> Result<Self> {
+        Self::new(system, state, "forward-euler", advance_forward, LeadingTerm::FORWARD_EULER)
+    }
+
+    /// Symplectic (semi-implicit) Euler: `v' = v + dt M⁻¹ f(x, v)`, `x' = x + dt v'`. Stable without damping for `dt ≤ 2/ω_max`.
+    /// Damping is explicit.
+    ///
+    /// # Errors
+    /// As of [`forward`](Self::forward).
+    pub fn symplectic(system: &'s System, state: &State) -> Result<Self> {
+        Self::new(system, state, "symplectic-euler", advance_symplectic, LeadingTerm::SYMPLECTIC_EULER)
+    }
+
+    fn new(system: &'s System, state: &State, name: &'static str, advance: Advance, term: LeadingTerm) -> Result<Self> {
         check_explicit(system, state, 150)?;
-        let (force, next) = (vec![Vector3::zeros(); system.particles()], state.clone());
-        Ok(Self { system, advance, term, force, next, displaced: Vec::new(), statistics: Statistics::default() })
+        Ok(Self {
+            system,
+            name,
+            advance,
+            term,
+            force: vec![Vector3::zeros(); system.particles()],
+            next: state.clone(),
+            displaced: Vec::new(),
+            statistics: Statistics::default(),
+        })
+    }
+}
+
+impl TimeStepper for ExplicitEuler<'_> {
+    fn name(&self) -> &'static str {
+        self.name
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
@@ -83,68 +115,9 @@ impl<'s> Explicit<'s> {
         error.add_local();
         true
     }
-}
-
-/// Forward Euler: `x' = x + dt v`, `v' = v + dt M⁻¹ f(x, v)`. First order; gains energy at every step size.
-pub struct ForwardEuler<'s>(Explicit<'s>);
-
-impl<'s> ForwardEuler<'s> {
-    /// A stepper for a system.
-    ///
-    /// # Errors
-    /// Coincident ends of a spring in `state`; a state of another system; too little memory.
-    pub fn new(system: &'s System, state: &State) -> Result<Self> {
-        Explicit::new(system, state, advance_forward, LeadingTerm::FORWARD_EULER).map(Self)
-    }
-}
-
-impl TimeStepper for ForwardEuler<'_> {
-    fn name(&self) -> &'static str {
-        "forward-euler"
-    }
-
-    fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
-        self.0.step(state, dt)
-    }
-
-    fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
-        self.0.propagate(error, step)
-    }
 
     fn statistics(&self) -> &Statistics {
-        &self.0.statistics
-    }
-}
-
-/// Symplectic (semi-implicit) Euler: `v' = v + dt M⁻¹ f(x, v)`, `x' = x + dt v'`. First order; stable without damping for
-/// `dt ≤ 2/ω_max`. Damping is explicit.
-pub struct SymplecticEuler<'s>(Explicit<'s>);
-
-impl<'s> SymplecticEuler<'s> {
-    /// A stepper for a system.
-    ///
-    /// # Errors
-    /// Coincident ends of a spring in `state`; a state of another system; too little memory.
-    pub fn new(system: &'s System, state: &State) -> Result<Self> {
-        Explicit::new(system, state, advance_symplectic, LeadingTerm::SYMPLECTIC_EULER).map(Self)
-    }
-}
-
-impl TimeStepper for SymplecticEuler<'_> {
-    fn name(&self) -> &'static str {
-        "symplectic-euler"
-    }
-
-    fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
-        self.0.step(state, dt)
-    }
-
-    fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
-        self.0.propagate(error, step)
-    }
-
-    fn statistics(&self) -> &Statistics {
-        &self.0.statistics
+        &self.statistics
     }
 }
 
@@ -161,7 +134,7 @@ mod tests {
         let (system, state) = row(3);
         let bytes = |new: &dyn Fn()| asked("the state of the method", new).1;
         let verlet = bytes(&|| drop(Verlet::new(&system, &state).unwrap()));
-        let euler = bytes(&|| drop(SymplecticEuler::new(&system, &state).unwrap()));
+        let euler = bytes(&|| drop(ExplicitEuler::symplectic(&system, &state).unwrap()));
         let dop853 = bytes(&|| drop(Dop853::new(&system, &state).unwrap()));
         assert_eq!([verlet, euler, dop853], [2 * 40 + 3 * 150, 2 * 40 + 3 * 150, 2 * 40 + 3 * 700]);
     }

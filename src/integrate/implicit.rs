@@ -207,8 +207,6 @@ impl<'s> LinearSystem<'s> {
         };
         stiffness.accept(equations.prepare(change, &mut statistics.work)?)
     }
-
-    /// Assembles the matrix with the terms of a stiffness state, and gives it to the solver.
     fn assemble(&mut self, state: StiffnessState) -> Result<(), SolveFailure> {
         self.check_interrupt()?;
         self.stiffness = state;

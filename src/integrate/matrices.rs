@@ -51,8 +51,6 @@ pub struct Matrices<'s> {
     masses: Vec<f64>,
     at: Option<Linearization<'s>>,
 }
-
-/// The state at which matrices are assembled.
 struct Linearization<'s> {
     extensions: SpringGeometry,
     operator: SystemOperator<'s>,

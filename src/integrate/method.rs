@@ -1,8 +1,8 @@
 //! The methods by name, with their properties.
 
 use super::{
-    AdaptiveStepper, BackwardEuler, Bdf2, Dop853, ForwardEuler, ImplicitMidpoint, ImplicitOptions, LinearBackwardEuler,
-    NewtonOptions, Rodas4, SymplecticEuler, TimeStepper, Verlet, WMethod,
+    AdaptiveStepper, BackwardEuler, Bdf2, Dop853, ExplicitEuler, ImplicitMidpoint, ImplicitOptions,
+    LinearBackwardEuler, NewtonOptions, Rodas4, TimeStepper, Verlet, WMethod,
 };
 use crate::error::Result;
 use crate::system::{State, System};
@@ -49,9 +49,9 @@ pub enum Method {
     Verlet,
     /// [`Dop853`].
     Dop853,
-    /// [`ForwardEuler`].
+    /// [`ExplicitEuler::forward`].
     ForwardEuler,
-    /// [`SymplecticEuler`].
+    /// [`ExplicitEuler::symplectic`].
     SymplecticEuler,
 }
 
@@ -156,7 +156,7 @@ impl Method {
         match self {
             Self::Bdf2 => 2.0 / 3.0 * step,
             Self::W2 => WMethod::GAMMA * step,
-            Self::Rodas4 => Rodas4::GAMMA * step,
+            Self::Rodas4 => super::rodas4::GAMMA * step,
             Self::ImplicitMidpoint => 0.5 * step,
             _ => step,
         }
@@ -203,8 +203,8 @@ impl Method {
             Self::Rodas4 => Box::new(Rodas4::new(system, state, options)?),
             Self::Verlet => Box::new(Verlet::new(system, state)?),
             Self::Dop853 => Box::new(Dop853::new(system, state)?),
-            Self::ForwardEuler => Box::new(ForwardEuler::new(system, state)?),
-            Self::SymplecticEuler => Box::new(SymplecticEuler::new(system, state)?),
+            Self::ForwardEuler => Box::new(ExplicitEuler::forward(system, state)?),
+            Self::SymplecticEuler => Box::new(ExplicitEuler::symplectic(system, state)?),
         })
     }
 }

@@ -8,6 +8,8 @@ mod bdf2;
 mod dop853;
 mod explicit;
 mod failure;
+#[cfg(test)]
+mod fixtures;
 mod implicit;
 mod implicit_midpoint;
 #[cfg(test)]
@@ -17,8 +19,6 @@ mod matrices;
 mod method;
 mod monitor;
 mod newton;
-#[cfg(test)]
-mod oscillator;
 #[cfg(test)]
 mod parts_tests;
 mod progressive;
@@ -41,14 +41,14 @@ pub use adaptive::{
 pub use backward_euler::{BackwardEuler, LinearBackwardEuler};
 pub use bdf2::Bdf2;
 pub use dop853::Dop853;
-pub use explicit::{ForwardEuler, SymplecticEuler};
+pub use explicit::ExplicitEuler;
 pub use failure::{NotSolved, Status, StepFailure};
 pub use implicit::ImplicitOptions;
 pub use implicit_midpoint::ImplicitMidpoint;
 pub use matrices::{Matrices, StepMatrices};
 pub use method::{Equations, Method, PositionUpdate};
 pub use monitor::{
-    Balance, ErrorIndicators, INACCURATE, Monitor, MonitorCheckpoint, MonitorOptions, Warning, percent, threshold,
+    Balance, ErrorIndicators, INACCURATE, Monitor, MonitorCheckpoint, MonitorOptions, percent, threshold,
 };
 pub use newton::NewtonOptions;
 pub(crate) use progressive::Projection;
@@ -60,11 +60,11 @@ pub use run::{Outcome, RunFailure, run, run_monitored};
 pub use schedule::Schedule;
 pub(crate) use schedule::is_end;
 pub use stiffness_policy::StiffnessPolicy;
-pub(crate) use verlet::SpringVisitor;
 pub use verlet::Verlet;
 pub use w_method::WMethod;
 
 use crate::error::Result;
+use crate::force::SpringEnergies;
 use crate::linear::LinearSolver;
 use crate::memory;
 use crate::system::{State, System};
@@ -88,13 +88,13 @@ pub trait TimeStepper {
     /// The reason why the step could not be done; the state is then unchanged.
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure>;
 
-    /// As [`step`](Self::step), with a monitor's account of the springs, which a method that evaluates all springs at the end of the step
-    /// updates in the same pass.
+    /// As [`step`](Self::step), with the energies of the springs, which a method that evaluates all springs at the end of the step
+    /// computes in the same pass.
     ///
     /// # Errors
     /// As of `step`.
     #[doc(hidden)]
-    fn step_seen(&mut self, state: &mut State, dt: f64, _visitor: &mut dyn SpringVisitor) -> Result<(), StepFailure> {
+    fn step_seen(&mut self, state: &mut State, dt: f64, _springs: &mut SpringEnergies<'_>) -> Result<(), StepFailure> {
         self.step(state, dt)
     }
 

@@ -203,8 +203,8 @@ impl PropagatedError {
             }
             self.mean_acceleration[p] = acceleration;
             self.jerk[p] = jerk;
-            self.local_positions[p] = on_axes(acceleration * x_a + jerk * x_j, free);
-            self.local_velocities[p] = on_axes(jerk * v_j + snap * v_s, free);
+            self.local_positions[p] = free.project(&(acceleration * x_a + jerk * x_j));
+            self.local_velocities[p] = free.project(&(jerk * v_j + snap * v_s));
         }
         self.lengths = [h, last];
         self.sum += norm_of_all(system, &self.local_positions);
@@ -228,7 +228,7 @@ impl PropagatedError {
             // The relative velocity across falls by half of the share of its energy.
             let taken = across * (0.5 * (lost / energy).min(1.0) / mobility);
             for (p, sign) in [(i, -1.0), (j, 1.0)] {
-                self.local_velocities[p] += on_axes(taken * (sign * weight(p)), system.dofs().free_axes(p));
+                self.local_velocities[p] += system.dofs().free_axes(p).project(&(taken * (sign * weight(p))));
             }
         }
     }
@@ -237,8 +237,8 @@ impl PropagatedError {
     pub(super) fn set_local_to(&mut self, system: &System, scale: f64, [x, v]: [&[Vector3<f64>]; 2]) {
         for p in 0..self.positions.len() {
             let free = system.dofs().free_axes(p);
-            self.local_positions[p] = on_axes(x[p] * scale, free);
-            self.local_velocities[p] = on_axes(v[p] * scale, free);
+            self.local_positions[p] = free.project(&(x[p] * scale));
+            self.local_velocities[p] = free.project(&(v[p] * scale));
         }
         self.sum += norm_of_all(system, &self.local_positions);
     }
@@ -311,7 +311,7 @@ impl PropagatedError {
     ) {
         for (p, a) in self.accelerations.iter_mut().enumerate() {
             let free = system.dofs().free_axes(p);
-            *a = on_axes((displaced[p] - force[p]) / (epsilon * system.masses()[p]), free);
+            *a = free.project(&((displaced[p] - force[p]) / (epsilon * system.masses()[p])));
         }
     }
 
@@ -320,8 +320,8 @@ impl PropagatedError {
         let inverse = 1.0 / epsilon;
         for p in 0..self.positions.len() {
             let free = system.dofs().free_axes(p);
-            self.positions[p] = on_axes((displaced.positions[p] - end.positions[p]) * inverse, free);
-            self.velocities[p] = on_axes((displaced.velocities[p] - end.velocities[p]) * inverse, free);
+            self.positions[p] = free.project(&((displaced.positions[p] - end.positions[p]) * inverse));
+            self.velocities[p] = free.project(&((displaced.velocities[p] - end.velocities[p]) * inverse));
         }
     }
 
@@ -349,15 +349,6 @@ impl PropagatedError {
             self.positions.iter_mut().for_each(|e| e.x = each);
         }
     }
-}
-
-/// The components of a vector along some of the axes.
-#[inline(always)]
-pub(super) fn on_axes(vector: Vector3<f64>, axes: Axes) -> Vector3<f64> {
-    if axes == Axes::ALL {
-        return vector;
-    }
-    Vector3::from_fn(|axis, _| if axes.contains(axis) { vector[axis] } else { 0.0 })
 }
 
 #[cfg(test)]

@@ -191,8 +191,6 @@ impl Regularization {
         &self.options
     }
 }
-
-/// True if a matrix is positive definite on the free axes.
 fn is_positive(matrix: &Matrix3<f64>, free: Axes) -> bool {
     let on_free = |i: usize, j: usize| free.contains(i) && free.contains(j);
     let entry = |i, j| if on_free(i, j) { matrix[(i, j)] } else { f64::from(u8::from(i == j)) };

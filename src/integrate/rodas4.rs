@@ -59,8 +59,8 @@ const CORRECTIONS: usize = 2;
 /// A list of stages' coefficients.
 type Row = [f64; STAGES];
 
-/// γ.
-const GAMMA: f64 = 0.25;
+/// γ: the matrix of a step of length h is that of backward Euler for γ h.
+pub(super) const GAMMA: f64 = 0.25;
 
 /// The combination of earlier stages at the point of each stage.
 #[rustfmt::skip]
@@ -124,11 +124,6 @@ const ERROR_RATIO: f64 = 0.15;
 
 /// The shortest part of a step of fixed length that is tried.
 const SHORTEST_PART: f64 = 1.0 / 1024.0;
-
-impl Rodas4<'_> {
-    /// γ: the matrix of a step of length h is that of backward Euler for γ h.
-    pub const GAMMA: f64 = GAMMA;
-}
 
 impl<'s> Rodas4<'s> {
     /// Prepares pattern, ordering and symbolic analysis once for all steps. The stiffness option is ignored.

@@ -176,9 +176,6 @@ fn drive(
     let start = state.time - schedule.elapsed(steps);
     while let Some(dt) = schedule.step(steps) {
         let before = state.time;
-        if let Some(monitor) = &mut monitor {
-            monitor.begin_step(state);
-        }
         let mut done = match &mut monitor {
             Some(monitor) => stepper.step_seen(state, dt, monitor.springs()),
             None => stepper.step(state, dt),

@@ -17,26 +17,10 @@ use super::explicit::check_explicit;
 use super::propagated_error::LeadingTerm;
 use super::substeps::{Substep, substeps};
 use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper, fits};
-use crate::error::{DegenerateSpring, Result};
-use crate::force::set_total_force;
+use crate::error::Result;
+use crate::force::{SpringEnergies, set_total_force};
 use crate::system::{State, StateView, System};
 use nalgebra::Vector3;
-
-/// An account of the springs that is updated after every step, or together with the forces at the end of the step.
-pub trait SpringVisitor {
-    /// True if it can compute the forces of this system, on this thread.
-    fn computes_forces(&self, system: &System) -> bool;
-
-    /// Does [`set_total_force`](crate::force::set_total_force) and [`see`](Self::see) in one pass, with the same bits except in the forces
-    /// on fixed particles, which nothing depends on.
-    ///
-    /// # Errors
-    /// A spring whose ends coincide.
-    fn set_force(&mut self, at: &StateView<'_>, dt: f64, force: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring>;
-
-    /// Visits the springs at the end of a step of dt seconds, with the velocities of the method's force evaluation.
-    fn see(&mut self, at: &StateView<'_>, dt: f64);
-}
 
 /// Second order, one force evaluation a step; stable without damping for `dt ≤ 2/ω_max`.
 #[doc(alias = "leapfrog")]
@@ -55,9 +39,6 @@ pub struct Verlet<'s> {
     displaced: Option<(State, Vec<Vector3<f64>>)>,
     statistics: Statistics,
 }
-
-/// A visitor of the springs, and the length of the whole step, in s.
-type Visit<'v> = (&'v mut dyn SpringVisitor, f64);
 
 impl<'s> Verlet<'s> {
     /// A stepper for a system.
@@ -78,27 +59,22 @@ impl<'s> Verlet<'s> {
         })
     }
 
-    /// Sets the force at `next`, with predicted velocities where it depends on them, together with a visit of the springs.
-    fn set_force(&mut self, visit: Option<Visit<'_>>) -> Result<(), StepFailure> {
+    /// Sets the force at `next`, with predicted velocities where it depends on them, and moves the energies of the springs there after a
+    /// step of dt seconds.
+    fn set_force(&mut self, springs: Option<(&mut SpringEnergies, f64)>) -> Result<(), StepFailure> {
         let Self { system, next, force, predicted, .. } = self;
         self.statistics.work.force_evaluations += 1;
         let velocities = if self.is_damped { predicted } else { &next.velocities };
         let at = StateView { velocities, ..next.moment() };
-        let of_any = |set: Result<(), DegenerateSpring>| StepFailure::of_any(system, set.map_err(Into::into));
-        match visit {
-            Some((visitor, dt)) if visitor.computes_forces(system) => of_any(visitor.set_force(&at, dt, force)),
-            visit => {
-                of_any(set_total_force(system, &at, force))?;
-                if let Some((visitor, dt)) = visit {
-                    visitor.see(&at, dt);
-                }
-                Ok(())
-            }
-        }
+        let set = match springs {
+            Some((springs, dt)) => springs.set_force(system, &at, dt, force),
+            None => set_total_force(system, &at, force),
+        };
+        StepFailure::of_any(system, set.map_err(Into::into))
     }
 
-    /// Advances `next` over a substep; springs are visited at its end.
-    fn advance(&mut self, substep: &Substep, visit: Option<Visit<'_>>) -> Result<(), StepFailure> {
+    /// Advances `next` over a substep, and the energies of the springs over a step of dt seconds that ends with it.
+    fn advance(&mut self, substep: &Substep, springs: Option<(&mut SpringEnergies, f64)>) -> Result<(), StepFailure> {
         let prescribed = self.system.prescribed();
         let h = substep.length();
         if !self.knows_force {
@@ -127,12 +103,12 @@ impl<'s> Verlet<'s> {
         prescribed.set_positions(substep.end, positions);
         self.system.halo_exchange(positions);
         self.next.time = substep.end;
-        if visit.is_some() && !self.is_damped {
-            // The visitor sees prescribed velocities, and those of ghosts.
+        if springs.is_some() && !self.is_damped {
+            // The energies need prescribed velocities, and those of ghosts.
             prescribed.set_velocities(substep.middle(), &mut self.next.velocities);
             self.system.halo_exchange(&mut self.next.velocities);
         }
-        self.set_force(visit)?;
+        self.set_force(springs)?;
         for ((v, f), mass) in self.next.velocities.iter_mut().zip(&self.force).zip(masses) {
             *v += f * (0.5 * h / mass);
         }
@@ -142,25 +118,22 @@ impl<'s> Verlet<'s> {
     }
 
     /// Advances `next` over a whole step.
-    fn complete(&mut self, dt: f64, mut visitor: Option<&mut dyn SpringVisitor>) -> Result<(), StepFailure> {
+    fn complete(&mut self, dt: f64, mut springs: Option<&mut SpringEnergies>) -> Result<(), StepFailure> {
         let system = self.system;
         let end = self.next.time + dt;
         for substep in substeps(system.prescribed(), self.next.time, dt) {
-            let visit: Option<Visit<'_>> = match &mut visitor {
-                Some(visitor) if substep.end >= end => Some((&mut **visitor, dt)),
-                _ => None,
-            };
-            self.advance(&substep, visit)?;
+            let springs = springs.as_deref_mut().filter(|_| substep.end >= end).map(|springs| (springs, dt));
+            self.advance(&substep, springs)?;
         }
         self.next.prescribe(system);
         StepFailure::unless_finite(system, self.next.is_finite())
     }
 
-    fn visited_step(
+    fn whole_step(
         &mut self,
         state: &mut State,
         dt: f64,
-        visitor: Option<&mut dyn SpringVisitor>,
+        springs: Option<&mut SpringEnergies>,
     ) -> Result<(), StepFailure> {
         StepFailure::of_arguments(self.system, state, dt)?;
         if self.next.positions != state.positions || self.next.velocities != state.velocities {
@@ -168,7 +141,7 @@ impl<'s> Verlet<'s> {
             self.next.copy_from(state);
         }
         self.next.time = state.time;
-        let outcome = self.complete(dt, visitor);
+        let outcome = self.complete(dt, springs);
         match outcome {
             Ok(()) => state.copy_from(&self.next),
             Err(_) => self.knows_force = false,
@@ -183,11 +156,11 @@ impl TimeStepper for Verlet<'_> {
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
-        self.visited_step(state, dt, None)
+        self.whole_step(state, dt, None)
     }
 
-    fn step_seen(&mut self, state: &mut State, dt: f64, visitor: &mut dyn SpringVisitor) -> Result<(), StepFailure> {
-        self.visited_step(state, dt, Some(visitor))
+    fn step_seen(&mut self, state: &mut State, dt: f64, springs: &mut SpringEnergies) -> Result<(), StepFailure> {
+        self.whole_step(state, dt, Some(springs))
     }
 
     fn restart(&mut self) {
@@ -243,20 +216,15 @@ impl TimeStepper for Verlet<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::integrate::substeps::pulled_with_kinks;
+    use crate::integrate::fixtures::pulled_with_kinks;
     use crate::integrate::{Monitor, MonitorOptions};
     use crate::spring::{Spring, SpringLaw, Tension};
-    use crate::system::SystemBuilder;
+    use crate::system::fixtures::tethered;
 
     /// A particle on a spring along the first axis, of this frequency and damping ratio, away from rest by 0.1 m.
     fn oscillator(frequency: f64, ratio: f64) -> (System, State) {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([2.1, 0.0, 0.0], 1.0);
-        builder.hold(0);
         let stiffness = 2.0 * frequency * frequency;
-        builder.spring(0, 1, Spring { stiffness, rest_length: 2.0, damping: 2.0 * ratio * frequency });
-        builder.build().unwrap()
+        tethered(2.1, 1.0, Spring { stiffness, rest_length: 2.0, damping: 2.0 * ratio * frequency })
     }
 
     /// Just below `hω = 2(√(1 + 4ζ²) − 2ζ)` motions stay bounded, just above they grow.
@@ -347,9 +315,9 @@ mod tests {
         }
     }
 
-    /// A visitor changes nothing, even where it cannot compute the forces.
+    /// The energies change nothing, even where a law keeps them from computing the forces.
     #[test]
-    fn visitors_change_nothing() {
+    fn energies_change_nothing() {
         let (system, start) = oscillator(5.0, 0.1);
         for system in [system.clone(), system.with_spring_law(Steady)] {
             let (mut seen, mut alone) = (start.clone(), start.clone());
@@ -364,33 +332,19 @@ mod tests {
         }
     }
 
-    /// Records the times at which it saw the springs, and the lengths of the steps.
-    #[derive(Default)]
-    struct Visits(Vec<[f64; 2]>);
-
-    impl SpringVisitor for Visits {
-        fn computes_forces(&self, _: &System) -> bool {
-            false
-        }
-
-        fn set_force(&mut self, _: &StateView<'_>, _: f64, _: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
-            unreachable!("it cannot compute forces")
-        }
-
-        fn see(&mut self, at: &StateView<'_>, dt: f64) {
-            self.0.push([at.time, dt]);
-        }
-    }
-
-    /// However many substeps a step has, its end alone is visited, with the length of the whole.
+    /// However many substeps a step has, the energies are those over the whole of it.
     #[test]
-    fn a_step_is_visited_once() {
+    fn a_step_has_one_pass_over_the_springs() {
         let (system, mut state) = pulled_with_kinks();
-        let (mut stepper, mut visits) = (Verlet::new(&system, &state).unwrap(), Visits::default());
+        let mut stepper = Verlet::new(&system, &state).unwrap();
+        let mut energies = [(); 2].map(|()| SpringEnergies::new(&system, &state, std::iter::empty()));
         for _ in 0..2 {
-            stepper.step_seen(&mut state, 0.5, &mut visits).unwrap();
+            stepper.step_seen(&mut state, 0.5, &mut energies[0]).unwrap();
+            let velocities = if stepper.is_damped { &stepper.predicted } else { &state.velocities };
+            energies[1].see(&StateView { velocities, ..state.moment() }, 0.5);
+            let [along, after] = energies.each_mut().map(|energies| energies.enter(&state, 0.5));
+            assert_eq!(along, after);
         }
-        assert_eq!(visits.0, [[0.5, 0.5], [1.0, 0.5]]);
         assert!(stepper.statistics().work.force_evaluations > 4);
     }
 }

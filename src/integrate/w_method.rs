@@ -182,15 +182,14 @@ impl<'s> WMethod<'s> {
 
     /// Estimates the error of the step just computed, with one more force evaluation and one more solve.
     fn estimate(&mut self, h: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
-        const E: f64 = 6.0 + SQRT_2;
-        let tau = Self::GAMMA * h;
+        let (e, tau) = (6.0 + SQRT_2, Self::GAMMA * h);
         let Self { linear, extensions, velocities, first, second, third, middle, next, minus_r, s, forces, .. } = self;
         set_force(linear, extensions, &next.moment(), s)?;
         for (p, mass) in linear.system.masses().iter().enumerate() {
             let (v, v_mid, v_next) = (velocities[p], middle.velocities[p], next.velocities[p]);
             let rate = first[p] + second[p];
-            minus_r[p] = (rate - v_mid) * E - (v - v_mid * 2.0 + v_next);
-            s[p] += forces[p] - (v_next - v) * (E * mass / h);
+            minus_r[p] = (rate - v_mid) * e - (v - v_mid * 2.0 + v_next);
+            s[p] += forces[p] - (v_next - v) * (e * mass / h);
         }
         third.fill(Vector3::zeros());
         solve_stage(linear, tau, minus_r, s, third)?;
@@ -262,29 +261,28 @@ impl TimeStepper for WMethod<'_> {
 
     fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
         // R(z) = (1 + (1 − 2γ) z)/(1 − γz)² = (1 + c) w² − c w with c = (1 − 2γ)/γ, which exceeds e^z by (3γ² − 2γ³ − 1/6) z³.
-        const GAMMA: f64 = WMethod::GAMMA;
-        const C: f64 = (1.0 - 2.0 * GAMMA) / GAMMA;
-        const TERM: LeadingTerm =
-            LeadingTerm::second_order(3.0 * GAMMA * GAMMA - 2.0 * GAMMA * GAMMA * GAMMA - 1.0 / 6.0);
+        let gamma = Self::GAMMA;
+        let c = (1.0 - 2.0 * gamma) / gamma;
+        let term = LeadingTerm::second_order(3.0 * gamma * gamma - 2.0 * gamma * gamma * gamma - 1.0 / 6.0);
         // A spring that turns by θ in a step ends longer by L = l θ²/2. The stages have its direction from the step's start, and only the
         // second one sees L, a quarter of it: on a stiff spring every step ends too long by cL, c = 1 − 1/(4γ) (the method is L-stable, so the
         // linear part of the extension goes). The tension of that takes c κ L² from the motion.
-        const BRAKING: f64 = 1.0 - 0.25 / GAMMA;
+        let braking = 1.0 - 0.25 / gamma;
         let Self { linear, first, s, .. } = self;
         if !fits(linear.system, error, step) {
             return false;
         }
-        error.set_local(linear.system, step, TERM);
-        error.add_braking(linear.system, &linear.extensions, step, BRAKING);
-        let tau = GAMMA * step.length;
+        error.set_local(linear.system, step, term);
+        error.add_braking(linear.system, &linear.extensions, step, braking);
+        let tau = gamma * step.length;
         s.fill(Vector3::zeros());
         linear.resolve(tau, [&mut error.positions, &mut error.velocities], s, first);
         error.keep();
-        error.scale(1.0 + C);
+        error.scale(1.0 + c);
         error.add_local();
         s.fill(Vector3::zeros());
         linear.resolve(tau, [&mut error.positions, &mut error.velocities], s, first);
-        error.add_kept(-C);
+        error.add_kept(-c);
         true
     }
 

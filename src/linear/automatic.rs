@@ -94,8 +94,6 @@ pub fn select(
 fn fits(bytes: u64) -> bool {
     memory::limit().is_none_or(|limit| bytes <= limit / 2)
 }
-
-/// The method that solves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Method {
     BlockJacobi,

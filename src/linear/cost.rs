@@ -130,28 +130,6 @@ mod tests {
         CostModel { springs: 1000.0, coordinates: 600.0, entries: 10_200, force: 6140.0 }
     }
 
-    /// Every kind of work alone, by its constants.
-    #[test]
-    fn every_kind_of_work_counts() {
-        let size = FactorSize { entries: 20_000, flops: 1e6, ordering: OrderingMethod::MinimumDegree };
-        let none = Work::default();
-        for (work, nanoseconds) in [
-            (Work { force_evaluations: 1, ..none }, 6140.0),
-            (Work { assemblies: 1, ..none }, 8400.0),
-            (Work { symbolic_factorizations: 1, ..none }, 160_000.0 + 130_000.0),
-            (Work { factorizations: 1, ..none }, 43_000.0 + 70_000.0 + 16_000.0),
-            (Work { solves: 1, ..none }, 2000.0 + 11_400.0 + 10_000.0),
-            (Work { solves: 1, iterative_solves: 1, ..none }, 4000.0),
-            (Work { warm_starts: 1, ..none }, 4000.0),
-            (Work { cg_iterations: 1, ..none }, 2000.0 + 1800.0),
-            (Work { cg_iterations: 1, multigrid_iterations: 1, ..none }, 2000.0 + 1800.0 + 15_000.0),
-            (Work { multigrid_setups: 1, ..none }, 210_000.0),
-        ] {
-            let found = 6140.0 * model().cost(&work, Some(size));
-            assert!((found - nanoseconds).abs() < 1e-9 * nanoseconds, "{work:?}: {found} {nanoseconds}");
-        }
-    }
-
     /// Without a factor the entries are those of the matrix, and nothing is multiplied.
     #[test]
     fn without_a_factor_nothing_is_filled_in() {

@@ -433,28 +433,6 @@ mod tests {
         assert!(!factorization.negative_direction(&mut u));
     }
 
-    /// Times add up over all calls, refused factorizations included.
-    #[test]
-    fn times_add_up() {
-        let (a, indefinite) = (banded(4, |_| 20.0), banded(4, |_| -20.0));
-        let mut x = vec![1.0; a.order()];
-        let mut cholesky = Cholesky::analyse(a.pattern(), Par::Seq).unwrap();
-        let mut ldlt = ldlt(&a);
-        let mut before = [FactorTimes::default(); 2];
-        for call in 0..3 {
-            assert_eq!(cholesky.factor(if call == 1 { &indefinite } else { &a }).is_err(), call == 1);
-            ldlt.factor(&a).unwrap();
-            cholesky.substitute(&mut x);
-            ldlt.substitute(&mut x);
-            let now = [cholesky.report().times, ldlt.report().times];
-            for (now, before) in now.iter().zip(before) {
-                assert!(now.analysis_seconds > 0.0);
-                assert!(now.factor_seconds > before.factor_seconds && now.solve_seconds > before.solve_seconds);
-            }
-            before = now;
-        }
-    }
-
     /// Many right-hand sides at once are solved as each alone.
     #[test]
     fn columns_are_solved_like_vectors() {

@@ -113,30 +113,6 @@ mod tests {
         LaggedMultigrid { coarse, ..LaggedMultigrid::new(&system).unwrap() }
     }
 
-    /// What was lost is the iterations beyond those that new coarse levels would have taken; a solve that takes fewer gives
-    /// nothing back, and one that gains less than a digit does not count.
-    #[test]
-    fn losses_are_counted_against_new_coarse_levels() {
-        let mut multigrid = aged(Coarse::New);
-        for (iterations, digits, coarse) in [
-            (9, 0.5, Coarse::New),
-            (9, f64::NAN, Coarse::New),
-            (30, 5.0, used(6.0, 0.0)),
-            (40, 5.0, used(6.0, 10.0)),
-            (33, 5.0, used(6.0, 13.0)),
-            (20, 5.0, used(6.0, 13.0)),
-            (90, 0.75, used(6.0, 13.0)),
-            (90, f64::NAN, used(6.0, 13.0)),
-            (8, 1.0, used(6.0, 15.0)),
-        ] {
-            multigrid.record(iterations, digits);
-            assert_eq!(multigrid.coarse, coarse, "after {iterations} iterations for {digits} digits");
-        }
-        let mut multigrid = aged(Coarse::Missing);
-        multigrid.record(30, 5.0);
-        assert_eq!(multigrid.coarse, Coarse::Missing);
-    }
-
     /// Coarse levels are recomputed as soon as eight iterations are lost, and where there are none that a solve has used.
     #[test]
     fn coarse_levels_last_until_their_price_is_lost() {

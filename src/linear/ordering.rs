@@ -193,7 +193,6 @@ struct Elimination {
     order: Vec<u32>,
     /// The parent of every place in the order; a parent comes after its children.
     parents: Vec<u32>,
-    /// Entries of L.
     entries: f64,
     /// Operations of a factorization: a column of h entries takes h² (multiply and add counted).
     flops: f64,

@@ -110,31 +110,6 @@ mod tests {
         (0..length).map(|i| ((i as f64 + 0.5) * seed).sin()).collect()
     }
 
-    /// On lengths around every boundary, against plain loops and the rounding bound of their sums.
-    #[test]
-    fn operations_agree_with_plain_loops() {
-        for length in [0, 1, 15, 16, 17, PIECE - 1, PIECE, PIECE + 1, 3 * PIECE + 5, SERIAL, SERIAL + 1, 5 * SERIAL + 7]
-        {
-            let (p, q, b) = (vector(length, 0.7), vector(length, 1.3), vector(length, 2.9));
-            let bound = length as f64 * f64::EPSILON;
-            let products = || p.iter().zip(&q).map(|(p, q)| p * q);
-            let magnitude: f64 = products().map(f64::abs).sum();
-            assert!((dot(&p, &q) - products().sum::<f64>()).abs() <= bound * magnitude);
-            let (mut x, mut r) = (vector(length, 0.3), b.clone());
-            let (x0, alpha, beta) = (x.clone(), 0.37, -1.7);
-            let squares = descend(alpha, &q, &mut r);
-            assert!((0..length).all(|i| r[i] == b[i] - alpha * q[i]));
-            let plain: f64 = r.iter().map(|r| r * r).sum();
-            assert!((squares - plain).abs() <= bound * plain);
-            assert_eq!(squares, dot(&r, &r));
-            let mut direction = p.clone();
-            advance(alpha, beta, &q, &mut direction, &mut x);
-            assert!((0..length).all(|i| x[i] == x0[i] + alpha * p[i] && direction[i] == q[i] + beta * p[i]));
-            assert_eq!(subtract(beta, &b, &q, &mut r), dot(&r, &r));
-            assert!((0..length).all(|i| r[i] == beta * b[i] - q[i]));
-        }
-    }
-
     #[test]
     fn sums_are_the_same_to_the_bit_for_any_number_of_threads() {
         let (a, b) = (vector(200_001, 0.7), vector(200_001, 1.3));

@@ -236,36 +236,13 @@ pub(super) fn inverse<const N: usize>(a: &Block<N, N>) -> Result<Block<N, N>, Ba
 
 /// Added to diagonal blocks, whose largest of a level is about one: f32 ends at 1e38.
 pub(super) const LEAST_DIAGONAL: f64 = 1e-30;
-
-/// The inverse of a diagonal block.
 pub(super) fn inverse_of<const N: usize>(block: &Block<N, N>) -> Result<Block<N, N>, BadPivot> {
     inverse(&shifted(block, LEAST_DIAGONAL))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{
-        BadPivot, add_product, add_transposed_apply, add_transposed_product, inverse, is_definite, norm_squared,
-        single, subtract_apply,
-    };
-
-    #[test]
-    fn products_are_those_of_small_numbers() {
-        let (a, b) = ([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]], [[1.0, -1.0], [10.0, 0.0]]);
-        let mut c = [[100.0; 2]; 3];
-        add_product(&mut c, &a, &b);
-        assert_eq!(c, [[121.0, 99.0], [143.0, 97.0], [165.0, 95.0]]);
-        let mut c = [[100.0; 2]; 2];
-        add_transposed_product(&mut c, &a, &[[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]);
-        assert_eq!(c, [[106.0, 108.0], [108.0, 110.0]]);
-        let mut y = [10.0; 3];
-        subtract_apply(&mut y, &a, &[1.0, 10.0]);
-        assert_eq!(y, [-11.0, -33.0, -55.0]);
-        let mut y = [10.0; 2];
-        add_transposed_apply(&mut y, &a, &[1.0, 10.0, 100.0]);
-        assert_eq!(y, [541.0, 652.0]);
-        assert_eq!(norm_squared(&[3.0, -4.0]), 25.0);
-    }
+    use super::{BadPivot, inverse, is_definite, single};
 
     /// NaN stays.
     #[test]

@@ -204,31 +204,6 @@ mod tests {
         assert!(kept[4] > 50 && kept[5] > 500 && kept[6] > 500, "{kept:?}");
     }
 
-    /// About another centre a rotation about the axis k moves a node by `e_k × s` more.
-    #[test]
-    fn rotations_about_another_centre_are_translations_too() {
-        use nalgebra::Vector3;
-        let s = Vector3::new(0.3, -1.7, 2.9);
-        let b: Block<2, 6> = [[1.0, 2.0, 5.0, 7.0, 11.0, 13.0], [-3.0, 0.5, 0.25, 1.5, -2.5, 4.5]];
-        for (row, found) in b.iter().zip(shifted(&b, s.into())) {
-            let by = Vector3::new(row[0], row[1], row[2]);
-            for k in 0..3 {
-                let expected = row[3 + k] + by.dot(&Vector3::ith(k, 1.0).cross(&s));
-                assert!((found[3 + k] - expected).abs() < 1e-14, "{k}: {} {expected}", found[3 + k]);
-            }
-            assert_eq!(found[..3], row[..3]);
-        }
-        // In a plane about the third axis alone, on a line not at all.
-        let found = shifted(&[[2.0, 3.0, 5.0]], s.into());
-        assert!((found[0][2] - (5.0 + 2.0 * 1.7 + 3.0 * 0.3)).abs() < 1e-14 && found[0][..2] == [2.0, 3.0]);
-        assert_eq!(shifted(&[[2.0], [3.0]], s.into()), [[2.0], [3.0]]);
-        let frame = Frame { modes: [[2.0, 3.0, 5.0]], centre: [1.0, 2.0, 3.0] };
-        assert_eq!(frame.about([0.7, 3.7, 0.0]), shifted(&frame.modes, [1.0 - 0.7, 2.0 - 3.7, 3.0]));
-        let member = |centre| Frame { modes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], centre };
-        let members = [member([1.0, 2.0, 0.5]), member([3.0, -5.0, 1.0])];
-        assert_eq!(AggregateModes::of(members.into_iter()).frame.centre, [2.0, -1.5, 0.75]);
-    }
-
     /// A motion is kept while its independent part is above 10⁻⁴. Of equals the first comes first.
     #[test]
     fn factors_keep_what_is_independent() {

@@ -49,8 +49,6 @@ const WEAK: f64 = 0.15;
 
 /// Share of its couplings that may be left out in all: a node of a network may be coupled to as many aggregates as nodes.
 const LEFT_OUT: f64 = 0.25;
-
-/// The sparsity of a prolongator.
 #[derive(Debug, Clone)]
 struct Sparsity {
     /// The aggregates that each node is coupled to, with its own: the pattern of A T.
@@ -95,8 +93,6 @@ impl Sparsity {
         let reached = if reached.blocks() == coupled.blocks() { coupled.clone() } else { Arc::new(reached) };
         Ok(Self { coupled, reached, stand_ins })
     }
-
-    /// Whether a row leaves out an aggregate that its node is coupled to.
     #[inline(always)]
     fn leaves_out(&self, row: usize, aggregate: u32) -> bool {
         !self.reached.columns(row).contains(&aggregate)

@@ -226,8 +226,6 @@ impl<'s> SystemOperator<'s> {
     pub fn blocks(&self) -> &[SpringBlock] {
         &self.blocks
     }
-
-    /// The ends and blocks of the active springs.
     #[inline]
     fn ends_and_blocks(&self) -> impl Iterator<Item = ([usize; 2], &SpringBlock)> {
         self.system.active().map(|(_, pair, _)| pair).zip(&self.blocks)
@@ -263,8 +261,6 @@ fn combined(at: &Derivatives, option: Stiffness, combination: Combination) -> Ma
     let part = |matrix: &Matrix3<f64>| if option == Stiffness::Full { *matrix } else { negative_part(matrix) };
     part(&at.damping) * combination.damping + part(&at.stiffness) * combination.stiffness
 }
-
-/// The negative semidefinite part of a symmetric matrix.
 pub(crate) fn negative_part(matrix: &Matrix3<f64>) -> Matrix3<f64> {
     if lowest(&-matrix) >= 0.0 {
         return *matrix;
@@ -313,46 +309,6 @@ mod tests {
     use super::*;
     use crate::spring::Spring;
     use crate::system::SystemBuilder;
-
-    #[test]
-    fn products_are_those_of_the_matrix() {
-        for dimension in 1..=3 {
-            let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
-            for p in 0..4 {
-                let place = [1.5 * f64::from(p), f64::from(p * p), f64::from(p % 2)];
-                let modelled = std::array::from_fn(|axis| if axis < dimension { place[axis] } else { 0.0 });
-                builder.particle(modelled, 1.0 + f64::from(p));
-            }
-            for [i, j] in [[0, 1], [1, 2], [2, 3], [0, 3]] {
-                builder.spring(i, j, Spring { stiffness: 50.0, rest_length: 1.2, damping: 0.5 });
-            }
-            let (system, state) = builder.build().unwrap();
-            let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
-            let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
-            let n = system.dofs().len();
-            assert_eq!((operator.order(), n), (n, 4 * dimension));
-            let w: Vec<f64> = (0..n).map(|row| (1.0 + row as f64 * 12.9898).sin()).collect();
-            let mut y = vec![f64::NAN; n];
-            operator.apply(&w, &mut y);
-            // M/dt² on the diagonal, and for every spring its block on both ends, with the opposite sign between them.
-            let mut expected = vec![0.0; n];
-            for p in 0..4 {
-                system.dofs().add(&mut expected, p, &(system.dofs().get(&w, p) * (100.0 * (1.0 + p as f64))));
-            }
-            for (([i, j], block), at) in operator.ends_and_blocks().zip(extensions.as_slice()) {
-                let direction = at.direction;
-                let along = direction * direction.transpose();
-                let across = Matrix3::identity() - along;
-                let k = 50.0 * (along / 1.2 + across * (1.0 / 1.2 - 1.0 / at.length)) + along * (0.5 / 0.1);
-                assert!((k - block.matrix()).amax() < 1e-12, "{dimension}");
-                let s = k * (system.dofs().get(&w, i) - system.dofs().get(&w, j));
-                system.dofs().add(&mut expected, i, &s);
-                system.dofs().add(&mut expected, j, &-s);
-            }
-            // Numbers of some hundreds, a dozen operations each.
-            assert!(y.iter().zip(&expected).all(|(y, expected)| (y - expected).abs() < 1e-11), "{y:?} {expected:?}");
-        }
-    }
 
     /// An updated operator equals a new one, and products with K are those with −K but for the sign, to the bit.
     #[test]

@@ -2,6 +2,7 @@ use super::*;
 use crate::integrate::Dop853;
 use crate::spring::Spring;
 use crate::system::SystemBuilder;
+use crate::system::fixtures::tethered;
 
 /// Method and tolerance without a step, of run_options for a method, an accuracy, a tolerance.
 #[test]
@@ -70,12 +71,7 @@ fn tolerances_follow_the_motion_where_nothing_is_said() {
 
 /// A particle on a spring, held at the other end, swinging about its rest length with a period of 2π/√10 s.
 fn swing() -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([1.0, 0.0, 0.0], 1.0);
-    builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-    builder.hold(0);
-    builder.build().unwrap()
+    tethered(1.0, 1.0, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 })
 }
 
 #[test]

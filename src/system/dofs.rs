@@ -43,9 +43,13 @@ impl Axes {
         (0..3).filter(move |&axis| self.contains(axis))
     }
 
-    /// The components of a vector along the axes, and zeros.
-    pub(crate) fn project(self, v: &Vector3<f64>) -> Vector3<f64> {
-        Vector3::from_fn(|axis, _| if self.contains(axis) { v[axis] } else { 0.0 })
+    /// A vector with zeros on the axes that are not in the set.
+    #[inline(always)]
+    pub fn project(self, vector: &Vector3<f64>) -> Vector3<f64> {
+        if self == Self::ALL {
+            return *vector;
+        }
+        Vector3::from_fn(|axis, _| if self.contains(axis) { vector[axis] } else { 0.0 })
     }
 
     /// This set and the axis (0, 1, 2).
@@ -231,52 +235,7 @@ impl DofMap {
 
 #[cfg(test)]
 mod tests {
-    use super::{Axes, Dof, DofMap};
-    use nalgebra::Vector3;
-
-    /// Six rows: all axes of particle 0, x and z of particle 1, none of particle 2, y of particle 3.
-    fn map() -> DofMap {
-        DofMap::new(vec![Axes::ALL, Axes::of(&[0, 2]), Axes::NONE, Axes::of(&[1])])
-    }
-
-    #[test]
-    fn rows_and_coordinates_are_each_others_inverse() {
-        let map = map();
-        assert_eq!((map.len(), map.particles(), map.is_empty()), (6, 4, false));
-        assert_eq!([0, 1, 2, 3].map(|particle| map.rows(particle)), [0..3, 3..5, 5..5, 5..6]);
-        assert_eq!([0, 1, 2, 3, 4].map(|particle| map.first_row(particle)), [0, 3, 5, 5, 6]);
-        let coordinates = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 2), (3, 1)];
-        let expected = coordinates.map(|(particle, axis)| Dof { particle, axis });
-        assert_eq!(map.iter().collect::<Vec<_>>(), expected);
-        for (row, dof) in expected.into_iter().enumerate() {
-            assert_eq!((map.row(dof), map.dof(row)), (Some(row), dof));
-        }
-        assert_eq!([(1, 1), (2, 0), (3, 2)].map(|(particle, axis)| map.row(Dof { particle, axis })), [None; 3]);
-        assert_eq!(expected[4].to_string(), "particle 1 axis z");
-        let all = DofMap::unconstrained(2);
-        assert_eq!((all.len(), all.row(Dof { particle: 1, axis: 2 })), (6, Some(5)));
-        let none = DofMap::new(vec![Axes::NONE]);
-        assert!(none.is_empty() && none.iter().next().is_none());
-    }
-
-    #[test]
-    fn vectors_go_to_reduced_ones_and_back() {
-        let map = map();
-        let full = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0], [10.0, 11.0, 12.0]].map(Vector3::from);
-        let mut reduced = [0.0; 6];
-        map.gather(&full, &mut reduced);
-        assert_eq!(reduced, [1.0, 2.0, 3.0, 4.0, 6.0, 11.0]);
-        let mut back = [Vector3::repeat(-1.0); 4];
-        map.scatter(&reduced, &mut back);
-        let expected = [[1.0, 2.0, 3.0], [4.0, -1.0, 6.0], [-1.0; 3], [-1.0, 11.0, -1.0]].map(Vector3::from);
-        assert_eq!(back, expected);
-        let parts = [0, 1, 2, 3].map(|particle| map.get(&reduced, particle));
-        assert_eq!(parts, [[1.0, 2.0, 3.0], [4.0, 0.0, 6.0], [0.0; 3], [0.0, 11.0, 0.0]].map(Vector3::from));
-        for particle in 0..4 {
-            map.add(&mut reduced, particle, &Vector3::new(100.0, 200.0, 300.0));
-        }
-        assert_eq!(reduced, [101.0, 202.0, 303.0, 104.0, 306.0, 211.0]);
-    }
+    use super::Axes;
 
     #[test]
     fn sets_are_what_their_members_are() {

@@ -16,6 +16,15 @@ pub fn oscillator() -> (System, State) {
     builder.build().unwrap()
 }
 
+/// A particle of a mass on a spring along x, so far from its held end.
+pub fn tethered(length: f64, mass: f64, spring: Spring) -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([length, 0.0, 0.0], mass);
+    builder.hold(0).spring(0, 1, spring);
+    builder.build().unwrap()
+}
+
 /// Particles of 1 kg in a row along x, each joined to the next by a spring at rest, 1 N and 1 m.
 pub fn row(particles: usize) -> (System, State) {
     let mut builder = SystemBuilder::new();

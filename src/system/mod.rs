@@ -17,6 +17,7 @@ pub(crate) use loads::check_length;
 pub use loads::{Actuation, Behaviour, Curve, Derivatives, ExternalForce, Loads};
 pub use partition::Communicator;
 pub(crate) use partition::ThreadPartition;
+pub(crate) use state::extent;
 pub use state::{State, StateView};
 
 use crate::error::Result;

@@ -90,8 +90,6 @@ impl System {
             communicator.halo_exchange(vectors);
         }
     }
-
-    /// The communicator of a subdomain.
     pub(crate) fn communicator(&self) -> Option<&dyn Communicator> {
         self.subdomain.as_ref().map(|subdomain| &*subdomain.communicator)
     }
@@ -108,8 +106,6 @@ impl System {
         known.push((count, partitions.clone()));
         partitions
     }
-
-    /// The partitions, where there are several.
     pub(crate) fn thread_partitions(&self) -> Option<Arc<[ThreadPartition]>> {
         (partition_count(self) > 1).then(|| self.all_partitions())
     }

@@ -79,6 +79,23 @@ impl State {
     }
 }
 
+/// The distance of positions from their centroid, `‖x − c‖` over all particles of all parts of a system, or from where they
+/// started if they are all at one place; never zero.
+pub(crate) fn extent(system: Option<&System>, positions: &[Vector3<f64>], start: &[Vector3<f64>]) -> f64 {
+    let total = |sums: [f64; 4]| system.map_or(sums, |system| system.total(sums));
+    let own = &positions[..system.map_or(positions.len(), System::own_particles).min(positions.len())];
+    let sum = own.iter().sum::<Vector3<f64>>();
+    let [count, x, y, z] = total([own.len() as f64, sum.x, sum.y, sum.z]);
+    let centroid = Vector3::new(x, y, z) / count.max(1.0);
+    let spread = own.iter().map(|x| (x - centroid).norm_squared()).sum();
+    let moved = own.iter().zip(start).map(|(x, start)| (x - start).norm_squared()).sum();
+    let [spread, moved, ..] = total([spread, moved, 0.0, 0.0]).map(f64::sqrt);
+    let largest = own.iter().map(|x| x.norm()).fold(0.0, f64::max);
+    let [largest] = system.map_or([largest], |system| system.largest([largest]));
+    // A spread by rounding is none.
+    [spread, moved].into_iter().find(|&length| length > 1e-12 * largest).unwrap_or(1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::State;

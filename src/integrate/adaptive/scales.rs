@@ -137,8 +137,6 @@ pub(in crate::integrate) fn norm_of_all(system: &System, vectors: &[Vector3<f64>
     let [squared] = system.total([own]);
     squared.sqrt()
 }
-
-/// Euclidean, over all components.
 fn norm(vectors: &[Vector3<f64>]) -> f64 {
     vectors.iter().map(|v| v.norm_squared()).sum::<f64>().sqrt()
 }
@@ -147,7 +145,6 @@ fn norm(vectors: &[Vector3<f64>]) -> f64 {
 mod tests {
     use super::{Scales, joint, spread};
     use crate::integrate::{AdaptiveOptions, ErrorEstimate, OutputTimes};
-    use crate::spring::Spring;
     use crate::system::{ExternalForce, State, StateView, System, SystemBuilder};
     use nalgebra::Vector3;
 
@@ -250,34 +247,6 @@ mod tests {
         assert!(close(error, 5e-3 / (8.0 * 1e-3)), "{error}");
     }
 
-    /// One particle of 1 kg on a spring of 400 N/m, displaced by 0.1 m: ω = 20/s and `x'' = −40 m/s²`. By hand: X of the two ends
-    /// `1.1/√2`, V = 0.3 √(40 X) since that is less than 0.3·40·T, and the Euler probe of h₀ seconds moves the particle by nothing
-    /// and changes its velocity, so that only `v` changes: `F' = a/(rtol X)`; the weighted a itself is the larger of both.
-    #[test]
-    fn the_first_step_is_hairers() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.1, 0.0, 0.0], 1.0);
-        builder.hold(0);
-        builder.spring(0, 1, Spring { stiffness: 400.0, rest_length: 1.0, damping: 0.0 });
-        let (system, state) = builder.build().unwrap();
-        let how = how(2.0);
-        let (scales, _) = Scales::at_start(&system, &state, &how, [1, 0]);
-        let (x, a) = (1.1 / 2f64.sqrt(), 40.0);
-        let v = 0.3 * (a * x).sqrt();
-        assert!(close(scales.speed, v));
-        // The way of 2 s in extents, four.
-        let ways = 2.0 * v / x;
-        let rate = ways * a / v / 1e-3;
-        let change = ways * a / x / 1e-3;
-        for p in [1, 2, 8] {
-            let (step, forces) = scales.first_step(&system, &state, &how, p);
-            let expected = (0.01 / rate.max(change)).powf(1.0 / f64::from(p + 1)).min(100.0 * 0.01 / (1e-3 * rate));
-            assert!((step / expected - 1.0).abs() < 1e-9, "{p}: {step} {expected}");
-            assert_eq!(forces, 2);
-        }
-    }
-
     /// Without motion and forces the whole run is tried.
     #[test]
     fn first_steps_exist_everywhere() {
@@ -346,33 +315,6 @@ mod tests {
         assert!(change > 10.0 * rate);
         let (step, forces) = scales.first_step(&system, &state, &how, 1);
         assert!((step / (0.01 / change).sqrt() - 1.0).abs() < 1e-9 && forces == 2, "{step}");
-    }
-
-    /// If the probe overflows its step is the first.
-    #[test]
-    fn probes_that_leave_all_numbers_are_the_first_step() {
-        let mut builder = SystemBuilder::new();
-        for x in [0.0, 2.0] {
-            builder.particle([x, 0.0, 0.0], 4.0);
-        }
-        let (system, mut state) = builder.build().unwrap();
-        state.velocities[0].x = 1.0;
-        state.velocities[1].y = 1e-3;
-        let (scales, _) = Scales::at_start(&system, &state, &how(5.0), [1, 0]);
-        let system = system.with_external_force(Beyond);
-        let rate = scales.error(&ErrorEstimate { positions: &state.velocities, velocities: &[] }, &state);
-        let (step, _) = scales.first_step(&system, &state, &how(5.0), 2);
-        assert!((step / (0.01 / (1e-3 * rate)) - 1.0).abs() < 1e-9, "{step}");
-    }
-
-    /// Nothing where time begins, and more than can be squared after that.
-    #[derive(Debug)]
-    struct Beyond;
-
-    impl ExternalForce for Beyond {
-        fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
-            force.iter_mut().for_each(|f| f.z += if at.time > 0.0 { 1e200 } else { 0.0 });
-        }
     }
 
     /// A spread by rounding is none.

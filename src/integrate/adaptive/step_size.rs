@@ -9,7 +9,6 @@ const DEAD_BAND: std::ops::RangeInclusive<f64> = 0.9..=1.3;
 
 /// The parameters of the PI controller.
 struct Rule {
-    /// The error aimed at.
     aim: f64,
     /// The exponents, times p + 1, of the error over the aim, and of the change of the error.
     whole: f64,
@@ -44,8 +43,6 @@ fn power(stepper: &dyn AdaptiveStepper) -> f64 {
 fn rule(stepper: &dyn AdaptiveStepper) -> Rule {
     if stepper.is_bounded_by_stability() { bounded_by_stability(power(stepper)) } else { ORDINARY }
 }
-
-/// The step size controller.
 pub(super) struct Control {
     /// The step to try next, unless a stop is near.
     pub h: f64,

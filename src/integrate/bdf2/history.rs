@@ -32,8 +32,6 @@ use nalgebra::Vector3;
 
 /// The distance to the end of a step, relative to the step, within which a kink is at the end.
 const AT_END: f64 = 1e-9;
-
-/// The last step.
 pub(super) struct History {
     /// Its length, in s; `None` when there was none.
     length: Option<f64>,
@@ -321,36 +319,5 @@ mod tests {
         assert_eq!(estimates(&[0.0, 0.5], |t| 3.0 * t, 3.0), [[0.375, 0.0]]);
         // v″ = 2: ½ h² v″.
         assert_eq!(estimates(&[0.0, 0.5], |t| t * t, 0.0), [[0.0625, 0.25]]);
-    }
-
-    #[test]
-    fn steps_without_an_estimate_are_not_known() {
-        let (system, start) = particle();
-        let (mut estimate, mut history) = (Estimate::new(&system), History::new(&system, &start));
-        estimate.record(&history, &start, 0.0);
-        history.record(&start, &start, 1.0);
-        assert!(!estimate.is_known());
-        // A step that was tried without a past is known once it is done.
-        for (is_first, is_known) in [(true, true), (false, false), (true, true)] {
-            estimate.is_first = is_first;
-            estimate.record(&history, &start, 0.0);
-            assert_eq!(estimate.is_known(), is_known);
-        }
-        estimate.clear();
-        assert!(!estimate.is_known());
-    }
-
-    /// After a step that had no past, whatever there was before it, its start counts twice with the acceleration there.
-    #[test]
-    fn steps_without_a_past_leave_their_acceleration() {
-        let (system, start) = particle();
-        let (mut estimate, mut history) = (Estimate::new(&system), History::new(&system, &start));
-        history.record(&at(0.0, |t| t), &at(1.0, |t| t), 1.0);
-        for (ratio, span, slope) in [(0.0, 0.0, 5.0), (0.5, 1.0, 2.0)] {
-            estimate.is_first = true;
-            estimate.accelerations[0].x = 5.0;
-            estimate.record(&history, &at(1.0, |t| 2.0 * t), ratio);
-            assert_eq!((estimate.span, estimate.slopes[0].x), (Some(span), slope));
-        }
     }
 }

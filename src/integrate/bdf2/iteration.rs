@@ -75,8 +75,6 @@ pub(super) fn solve(
     }
     Ok(())
 }
-
-/// Prepares the matrix at the prediction `next` of a step from `state`.
 fn prepare(
     newton: &mut Newton,
     tensions: &Tensions,

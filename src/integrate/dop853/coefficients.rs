@@ -94,8 +94,6 @@ pub(super) const fn chain(row: &Row, matrix: &[Row; STAGES]) -> Row {
     }
     product
 }
-
-/// The sum of all coefficients.
 pub(super) fn sum(row: &Row) -> f64 {
     let sum: f64 = row.iter().sum();
     if sum.abs() < ROUNDING { 0.0 } else { sum }

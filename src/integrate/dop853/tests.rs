@@ -1,10 +1,9 @@
 use super::coefficients::{A, C, E3, E5, Row, SQUARE, STAGES, chain, sum, weights};
 use super::{Dop853, END};
-use crate::integrate::oscillator::{OscillationAxis, Oscillator};
-use crate::integrate::substeps::pulled_with_kinks;
+use crate::integrate::fixtures::{OscillationAxis, Oscillator, pulled_with_kinks};
 use crate::integrate::{AdaptiveStepper, TimeStepper};
 use crate::spring::Spring;
-use crate::system::{ExternalForce, State, StateView, System, SystemBuilder};
+use crate::system::{State, System, SystemBuilder};
 use nalgebra::{Complex, Vector3};
 
 /// A rooted tree of Butcher's theory: its order, its density γ and its elementary weight of every stage.
@@ -302,30 +301,4 @@ fn steps_at_rest_have_no_error() {
     let mut stepper = Dop853::new(&system, &state).unwrap();
     stepper.step(&mut state, 0.5).unwrap();
     assert_eq!(stepper.local_error, 0.0);
-}
-
-/// Pulls every particle along x by its number, in newtons.
-#[derive(Debug)]
-struct Numbered;
-
-impl ExternalForce for Numbered {
-    fn add(&self, _: &StateView<'_>, force: &mut [Vector3<f64>]) {
-        force.iter_mut().enumerate().for_each(|(p, f)| f.x += p as f64);
-    }
-}
-
-/// Each of many particles moves by its own acceleration.
-#[test]
-fn every_particle_has_its_own_acceleration() {
-    let mut builder = SystemBuilder::new();
-    (0..150).for_each(|_| {
-        builder.particle([0.0; 3], 1.0);
-    });
-    let (system, mut state) = builder.build().unwrap();
-    let system = system.with_external_force(Numbered);
-    Dop853::new(&system, &state).unwrap().step(&mut state, 2.0).unwrap();
-    for (p, (x, v)) in state.positions.iter().zip(&state.velocities).enumerate() {
-        let number = p as f64;
-        assert!((x.x - 2.0 * number).abs() < 1e-11 && (v.x - 2.0 * number).abs() < 1e-11, "{p}: {x} {v}");
-    }
 }

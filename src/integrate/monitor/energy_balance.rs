@@ -5,16 +5,15 @@
 //! ```
 //!
 //! Energies are those of the states and hold no error of their own; work and dissipation are integrals over the steps, right to
-//! fourth order where steps resolve the motion (see `springs` and `work`). So the imbalance is the energy that the method adds
+//! fourth order where steps resolve the motion (see `force::spring_energies` and `work`). So the imbalance is the energy that the method adds
 //! (positive) or takes away (negative, its own dissipation), and the O(dt⁴) of the quadrature.
 //!
 //! A scene that nothing holds flies and falls as a whole, which no spring sees: the energy of its centre of mass is known apart.
 
-use super::springs::Sums;
 use super::work::BodyEnergy;
-use crate::force::Energy;
+use crate::force::{BLOCK, Energy, SpringSums};
 use crate::system::{State, System};
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -31,7 +30,7 @@ pub struct Balance {
 }
 
 /// The energies of a run so far.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct EnergyBalance {
     pub initial: Energy,
     pub energy: Energy,
@@ -60,26 +59,18 @@ pub(super) struct Free {
 }
 
 impl EnergyBalance {
-    /// At the start of a run.
-    pub fn new(springs: &Sums, particles: &ParticleSums, prescribed: BodyEnergy) -> Self {
-        let energy = energy(springs, particles);
-        let centre_of_mass = particles.centre_of_mass();
-        Self {
-            initial: energy,
-            energy,
-            prescribed: [prescribed; 2],
-            centre_of_mass,
-            work: 0.0,
-            dissipated: 0.0,
-            certain: 0.0,
-        }
+    pub fn new(springs: &SpringSums, particles: &ParticleSums, prescribed: BodyEnergy) -> Self {
+        let mut balance = Self::default();
+        balance.enter(springs, particles, prescribed);
+        Self { initial: balance.energy, prescribed: [prescribed; 2], ..balance }
     }
 
     /// Enters a step; `sums` holds the energies of the springs, and the work and dissipation of the step.
-    pub fn enter(&mut self, sums: &Sums, particles: &ParticleSums, prescribed: BodyEnergy) {
-        self.energy = energy(sums, particles);
+    pub fn enter(&mut self, sums: &SpringSums, particles: &ParticleSums, prescribed: BodyEnergy) {
+        let BodyEnergy { kinetic, gravitational } = particles.energy;
+        self.energy = Energy { kinetic, elastic: sums.elastic, gravitational };
         self.prescribed[1] = prescribed;
-        self.centre_of_mass = particles.centre_of_mass();
+        self.centre_of_mass = particles.centre_of_mass;
         self.work += sums.work;
         self.dissipated += sums.dissipated;
         self.certain += sums.certain;
@@ -109,61 +100,40 @@ impl EnergyBalance {
     }
 }
 
-fn energy(springs: &Sums, particles: &ParticleSums) -> Energy {
-    Energy { kinetic: particles.kinetic, elastic: springs.elastic, gravitational: 0.0 - particles.weight }
-}
-
-/// Sums over particles at a state.
+/// Energies of the particles at a state.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct ParticleSums {
-    /// `Σ ½ m v²`, in J.
-    pub kinetic: f64,
-    /// `Σ m gravity·x`, in J.
-    pub weight: f64,
-    /// `Σ m` and `Σ m v` of a scene that nothing holds, else zero.
-    pub mass: f64,
-    pub momentum: Vector3<f64>,
+    /// `Σ ½ m v²` and `−Σ m gravity·x`, in J.
+    pub energy: BodyEnergy,
+    /// That of the centre of mass of a scene that nothing holds, else zero.
+    pub centre_of_mass: BodyEnergy,
 }
 
 impl ParticleSums {
-    /// At a state; `is_loose` where nothing holds the scene. Sums are made block by block, whatever the number of threads.
+    /// At a state; `is_loose` where nothing holds the scene. SpringSums are made block by block, whatever the number of threads.
     pub fn at(system: &System, state: &State, is_loose: bool) -> Self {
-        const BLOCK: usize = 4096;
-        let own = system.own_particles();
-        let block = |number: usize| {
-            let (gravity, masses) = (system.gravity(), system.masses());
-            let mut sums = Self::default();
-            let range = number * BLOCK..own.min((number + 1) * BLOCK);
-            let particles = state.positions[range.clone()].iter().zip(&state.velocities[range.clone()]);
-            for ((x, v), &mass) in particles.zip(&masses[range]) {
-                sums.kinetic += 0.5 * mass * v.norm_squared();
-                sums.weight += mass * gravity.dot(x);
-                if is_loose {
-                    sums.mass += mass;
-                    sums.momentum += v * mass;
-                }
-            }
-            sums
+        let (gravity, masses, own) = (system.gravity(), system.masses(), system.own_particles());
+        // Kinetic energy, weight, and of a loose scene mass and momentum.
+        let of = |p: usize| {
+            let (x, v, mass) = (state.positions[p], state.velocities[p], masses[p]);
+            let momentum = if is_loose { v * mass } else { Vector3::zeros() };
+            let sums = [0.5 * mass * v.norm_squared(), mass * gravity.dot(&x), if is_loose { mass } else { 0.0 }];
+            Vector6::new(sums[0], sums[1], sums[2], momentum.x, momentum.y, momentum.z)
         };
-        let count = own.div_ceil(BLOCK);
-        let blocks: Vec<Self> =
-            if count > 1 { (0..count).into_par_iter().map(block).collect() } else { (0..count).map(block).collect() };
-        let sums = blocks.iter().fold(Self::default(), |sum, block| Self {
-            kinetic: sum.kinetic + block.kinetic,
-            weight: sum.weight + block.weight,
-            mass: sum.mass + block.mass,
-            momentum: sum.momentum + block.momentum,
-        });
-        let [kinetic, weight, mass] = system.total([sums.kinetic, sums.weight, sums.mass]);
-        Self { kinetic, weight, mass, momentum: Vector3::from(system.total(sums.momentum.into())) }
-    }
-
-    /// The energy of the centre of mass of a scene that nothing holds.
-    fn centre_of_mass(&self) -> BodyEnergy {
-        if self.mass == 0.0 {
-            return BodyEnergy::default();
+        let block = |number: usize| (number * BLOCK..own.min((number + 1) * BLOCK)).map(of).sum();
+        let blocks = own.div_ceil(BLOCK);
+        let blocks: Vec<Vector6<f64>> = if blocks > 1 {
+            (0..blocks).into_par_iter().map(block).collect()
+        } else {
+            (0..blocks).map(block).collect()
+        };
+        let sums: Vector6<f64> = blocks.iter().sum();
+        let [kinetic, weight, mass, x, y, z] = system.total(sums.into());
+        let energy = BodyEnergy { kinetic, gravitational: 0.0 - weight };
+        if mass == 0.0 {
+            return Self { energy, ..Self::default() };
         }
-        let kinetic = 0.5 * self.momentum.norm_squared() / self.mass;
-        BodyEnergy { kinetic, gravitational: 0.0 - self.weight }
+        let kinetic = 0.5 * Vector3::new(x, y, z).norm_squared() / mass;
+        Self { energy, centre_of_mass: BodyEnergy { kinetic, ..energy } }
     }
 }

@@ -9,23 +9,20 @@ use serde::Serialize;
 /// random scenes, `verification/study.md`), and an error of 30 % must not go unnoticed: a fifteenth of that.
 pub const INACCURATE: f64 = 0.02;
 
+/// The factor by which the motion magnifies the errors of its steps from which a warning says so. A choice.
+const MAGNIFIED: f64 = 10.0;
+
 /// The indicators of a run up to a state. Lengths are relative to the extent X of the scene at that state, `‖x − centroid‖` over
 /// all particles.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ErrorIndicators {
-    /// Steps done.
-    pub steps: u64,
-    /// Length of the run, in s.
-    pub duration: f64,
     /// X, in m.
     pub extent: f64,
     /// ‖e_x‖/X, the propagated error; `None` where it is not known.
     pub estimate: Option<f64>,
     /// `Σ ‖δ_x‖/X`, the plain sum of local errors.
     pub local_errors: f64,
-    /// See [`PropagatedError::left_out`](crate::integrate::PropagatedError::left_out).
-    pub left_out: f64,
     /// The time, in s, until which the estimate was below the threshold; `None` where it still is.
     pub predictable_until: Option<f64>,
     /// Energy that the motion exchanged, in J: kinetic energy at the start, potential energy released, and work; without the
@@ -33,51 +30,6 @@ pub struct ErrorIndicators {
     pub exchanged: f64,
     /// The largest energy that appeared from nowhere, in J, counted from the lowest imbalance before.
     pub gained: f64,
-    /// Energy that the method took away by the end, in J; negative where it gave.
-    pub lost: f64,
-}
-
-/// A reason to doubt a run.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub enum Warning {
-    /// The relative position error at the end is large.
-    Inaccurate {
-        /// The estimate.
-        estimate: f64,
-        /// The time, in s, until which positions are predictable to the threshold.
-        until: Option<f64>,
-        /// The factor by which the motion magnified the local errors of the steps.
-        magnified: f64,
-    },
-    /// Energy appeared from nowhere.
-    Gained {
-        /// In J.
-        gained: f64,
-        /// Energy that the motion exchanged, in J.
-        exchanged: f64,
-    },
-}
-
-impl std::fmt::Display for Warning {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match *self {
-            Self::Inaccurate { estimate, until, magnified } => {
-                write!(f, "the relative position error at the end is about {}", percent(estimate))?;
-                if let Some(until) = until.filter(|until| *until > 0.0) {
-                    write!(f, "; positions are predictable until about {until:.3} s")?;
-                }
-                if magnified >= 10.0 {
-                    write!(f, "; the motion magnifies the errors of its steps {magnified:.0} times")?;
-                }
-                Ok(())
-            }
-            Self::Gained { gained, exchanged } => write!(
-                f,
-                "{gained:.2e} J of energy appeared from nowhere, where the motion exchanged {exchanged:.2e} J"
-            ),
-        }
-    }
 }
 
 /// A relative error in percent, with one or two digits.
@@ -94,22 +46,28 @@ pub fn percent(error: f64) -> String {
 }
 
 impl ErrorIndicators {
-    /// The estimate is above the threshold, for adaptive steps that of their tolerance.
-    pub fn is_inaccurate(&self, rtol: Option<f64>) -> bool {
-        self.estimate.is_some_and(|estimate| estimate > threshold(rtol))
-    }
-
-    /// The reasons to doubt the run, the error first.
-    pub fn warnings(&self, rtol: Option<f64>) -> Vec<Warning> {
-        let Self { estimate, local_errors, exchanged, gained, predictable_until: until, .. } = *self;
-        let inaccurate = estimate.filter(|_| self.is_inaccurate(rtol)).map(|estimate| Warning::Inaccurate {
-            estimate,
-            until,
-            magnified: if local_errors > 0.0 { estimate / local_errors } else { 1.0 },
-        });
+    /// The reasons to doubt a run, for adaptive steps of this tolerance: the error first.
+    pub fn warnings(&self, rtol: Option<f64>) -> Vec<String> {
+        let Self { estimate, local_errors, exchanged, gained, predictable_until, .. } = *self;
+        let mut warnings = Vec::new();
+        if let Some(estimate) = estimate.filter(|&estimate| estimate > threshold(rtol)) {
+            let mut text = format!("the relative position error at the end is about {}", percent(estimate));
+            if let Some(until) = predictable_until.filter(|&until| until > 0.0) {
+                text += &format!("; positions are predictable until about {until:.3} s");
+            }
+            if local_errors > 0.0 && estimate >= MAGNIFIED * local_errors {
+                let magnified = estimate / local_errors;
+                text += &format!("; the motion magnifies the errors of its steps {magnified:.0} times");
+            }
+            warnings.push(text);
+        }
         // Within their stability limit explicit methods swing by as much.
-        let gains = (gained > exchanged).then_some(Warning::Gained { gained, exchanged });
-        inaccurate.into_iter().chain(gains).collect()
+        if gained > exchanged {
+            warnings.push(format!(
+                "{gained:.2e} J of energy appeared from nowhere, where the motion exchanged {exchanged:.2e} J"
+            ));
+        }
+        warnings
     }
 }
 
@@ -133,11 +91,15 @@ mod tests {
     fn one_threshold_holds_for_all_methods() {
         let of = |estimate| ErrorIndicators { estimate, local_errors: 0.001, exchanged: 1.0, ..Default::default() };
         assert!(of(None).warnings(None).is_empty() && of(Some(0.019)).warnings(None).is_empty());
-        let [Warning::Inaccurate { magnified, .. }] = of(Some(0.021)).warnings(None)[..] else { panic!() };
-        assert!((magnified - 21.0).abs() < 1e-9);
+        let text = "the relative position error at the end is about 2.1 %";
+        let magnified = "; the motion magnifies the errors of its steps 21 times";
+        assert_eq!(of(Some(0.021)).warnings(None), [format!("{text}{magnified}")]);
+        let until = ErrorIndicators { local_errors: 0.0, predictable_until: Some(0.25), ..of(Some(0.021)) };
+        assert_eq!(until.warnings(None), [format!("{text}; positions are predictable until about 0.250 s")]);
         // Within five tolerances.
-        assert!(of(Some(0.049)).warnings(Some(0.01)).is_empty() && of(Some(0.051)).is_inaccurate(Some(0.01)));
+        assert!(of(Some(0.049)).warnings(Some(0.01)).is_empty() && of(Some(0.051)).warnings(Some(0.01)).len() == 1);
         let gaining = ErrorIndicators { gained: 1.1, ..of(None) };
-        assert_eq!(gaining.warnings(None), [Warning::Gained { gained: 1.1, exchanged: 1.0 }]);
+        let text = "1.10e0 J of energy appeared from nowhere, where the motion exchanged 1.00e0 J";
+        assert_eq!(gaining.warnings(None), [text]);
     }
 }

@@ -11,22 +11,20 @@
 mod energy_balance;
 mod indicators;
 mod instability;
-mod springs;
 mod work;
 
 pub use energy_balance::Balance;
-pub use indicators::{ErrorIndicators, INACCURATE, Warning, percent, threshold};
+pub use indicators::{ErrorIndicators, INACCURATE, percent, threshold};
 
-use super::{CompletedStep, PropagatedError, SpringVisitor, StepFailure, TimeStepper};
+use super::{CompletedStep, PropagatedError, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::force::Energy;
+use crate::force::{Energy, SpringEnergies};
 use crate::memory;
-use crate::system::{State, System};
+use crate::system::{State, System, extent};
 use energy_balance::{EnergyBalance, ParticleSums};
-use instability::{Growth, GrowthRecord};
+use instability::{GrowthRecord, SavedState};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
-use springs::Springs;
 use work::Work;
 
 /// Options of a monitor.
@@ -49,7 +47,7 @@ impl Default for MonitorOptions {
     }
 }
 
-/// The part of a monitor with which a run is continued in another process.
+/// The record of a run so far, with which it is continued in another process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MonitorCheckpoint {
@@ -59,6 +57,7 @@ pub struct MonitorCheckpoint {
     growth: GrowthRecord,
     steps: u64,
     duration: f64,
+    /// `None` where errors are not propagated, or the method does not know how.
     error: Option<PropagatedError>,
     predictable_until: Option<f64>,
 }
@@ -89,22 +88,16 @@ pub struct MonitorCheckpoint {
 pub struct Monitor<'s> {
     system: &'s System,
     options: MonitorOptions,
-    springs: Springs<'s>,
+    springs: SpringEnergies<'s>,
     work: Work<'s>,
     /// Nothing holds the scene.
     is_loose: bool,
-    balance: EnergyBalance,
-    /// The balance at the state before, and the times of both.
-    before: EnergyBalance,
-    times: [f64; 2],
-    growth: Growth,
-    steps: u64,
-    duration: f64,
-    /// `None` where errors are not propagated, or the method does not know how.
-    error: Option<PropagatedError>,
-    predictable_until: Option<f64>,
-    /// The start of the step at hand, where errors are propagated.
-    started: State,
+    record: MonitorCheckpoint,
+    /// The last state from before energy appeared.
+    saved: SavedState,
+    last: State,
+    /// Time and balance of the state before.
+    before: (f64, Balance),
     /// Positions at the start of the run.
     start: Vec<Vector3<f64>>,
 }
@@ -113,116 +106,44 @@ impl<'s> Monitor<'s> {
     /// At the start of a run.
     ///
     /// # Errors
-    /// Coincident ends of a spring; too little memory.
+    /// A state of another system; too little memory.
     pub fn new(system: &'s System, state: &State, options: MonitorOptions) -> Result<Self> {
+        state.check(system)?;
         let [springs, particles] = [system.springs().len() as u64, system.particles() as u64];
         // Bytes of the lists below, at most.
         memory::ensure(100 * springs + 450 * particles, "what accompanies a run")?;
         let work = Work::new(system, state);
-        let springs = Springs::new(system, state, work.driven());
-        let [prescribed] = system.total([system.prescribed().iter().count() as f64]);
+        let springs = SpringEnergies::new(system, state, work.driven());
+        let [prescribed] = system.total([system.prescribed().len() as f64]);
         let is_loose = prescribed == 0.0 && !system.has_external_forces();
         let particles = ParticleSums::at(system, state, is_loose);
-        let balance = EnergyBalance::new(&springs.total(), &particles, work.energy(state));
+        let balance = EnergyBalance::new(&springs.total().of_all_parts(system), &particles, work.energy(state));
+        let record = MonitorCheckpoint {
+            balance,
+            growth: GrowthRecord::new(system, &balance, state),
+            steps: 0,
+            duration: 0.0,
+            error: options.threshold.map(|_| PropagatedError::none(system)),
+            predictable_until: None,
+        };
         Ok(Self {
             system,
             options,
             springs,
             work,
             is_loose,
-            balance,
-            before: balance,
-            times: [state.time; 2],
-            growth: Growth::new(system, &balance, state),
-            steps: 0,
-            duration: 0.0,
-            error: options.threshold.map(|_| PropagatedError::none(system)),
-            predictable_until: None,
-            started: state.clone(),
+            record,
+            saved: SavedState { steps: 0, state: state.clone(), balance },
+            last: state.clone(),
+            before: (state.time, balance.balance()),
             start: state.positions.clone(),
         })
-    }
-
-    /// Enters the state after a number of steps, the last of dt seconds.
-    ///
-    /// # Errors
-    /// [`StepFailure::Unstable`] when energy has appeared from nowhere, if that is to end the run;
-    /// [`StepFailure::NonFinite`] when an energy is not finite.
-    pub fn enter(&mut self, steps: u64, state: &State, dt: f64) -> Result<(), StepFailure> {
-        self.before = self.balance;
-        self.times = [self.times[1], state.time];
-        let springs = self.springs.enter(state, dt);
-        let particles = ParticleSums::at(self.system, state, self.is_loose);
-        let sums = springs.add(&self.work.enter(state, dt));
-        self.balance.enter(&sums, &particles, self.work.energy(state));
-        if self.has_overflowed() {
-            return Err(StepFailure::NonFinite);
-        }
-        self.steps += 1;
-        self.duration += dt;
-        let grown = self.growth.enter(&self.balance, steps, state, dt);
-        if !self.growth.exchanged().is_finite() {
-            return Err(StepFailure::NonFinite);
-        }
-        if self.options.stops_unstable { grown } else { Ok(()) }
-    }
-
-    /// A step begins at this state.
-    pub(super) fn begin_step(&mut self, state: &State) {
-        if self.error.is_some() {
-            self.started.copy_from(state);
-        }
-    }
-
-    /// Propagates the error of the run over a step of dt seconds to a state, by the method that made it.
-    pub(super) fn propagate(&mut self, stepper: &mut (impl TimeStepper + ?Sized), state: &State, dt: f64) {
-        let Self { system, error, started, options, .. } = self;
-        let Some(known) = error else { return };
-        let step = CompletedStep { before: started, after: state, length: dt };
-        if !stepper.propagate(known, &step) {
-            *error = None;
-            return;
-        }
-        let extent = extent(system, state, &self.start);
-        known.saturate(system, extent);
-        let threshold = options.threshold.unwrap_or(INACCURATE);
-        if self.predictable_until.is_none() && known.norm(system) > threshold * extent {
-            self.predictable_until = Some(started.time);
-        }
-    }
-
-    /// The pass over the springs, for a method that goes through them anyway.
-    pub(super) fn springs(&mut self) -> &mut dyn SpringVisitor {
-        &mut self.springs
-    }
-
-    /// The step entered next may err by so much energy, in J, by the method's own estimate: that much growth does not count.
-    pub fn doubt(&mut self, energy: f64) {
-        self.growth.doubt(energy);
-    }
-
-    /// The energy of the state entered last, or that exchanged until then, is not finite.
-    pub(super) fn has_overflowed(&self) -> bool {
-        let Balance { work, dissipated, imbalance } = self.balance();
-        ![self.balance.energy.total(), work, dissipated, imbalance].into_iter().all(f64::is_finite)
-    }
-
-    /// The record with which the run can be [continued](Self::continued).
-    pub fn account(&self) -> MonitorCheckpoint {
-        MonitorCheckpoint {
-            balance: self.balance,
-            growth: self.growth.record,
-            steps: self.steps,
-            duration: self.duration,
-            error: self.error.clone(),
-            predictable_until: self.predictable_until,
-        }
     }
 
     /// Continues a run that began with the first of two states and has come to the second, after so many steps.
     ///
     /// # Errors
-    /// Coincident ends of a spring; too little memory.
+    /// A state of another system; too little memory.
     pub fn continued(
         system: &'s System,
         [start, state]: [&State; 2],
@@ -230,109 +151,148 @@ impl<'s> Monitor<'s> {
         account: &MonitorCheckpoint,
         options: MonitorOptions,
     ) -> Result<Self> {
-        let MonitorCheckpoint { balance, growth, steps: done, duration, ref error, predictable_until } = *account;
-        let fresh = Self::new(system, state, options)?;
-        let growth = Growth::continued(growth, &balance, steps, state);
-        let error = error.clone().filter(|error| error.fits(system));
-        let start = start.positions.clone();
-        Ok(Self { balance, before: balance, growth, steps: done, duration, error, predictable_until, start, ..fresh })
+        start.check(system)?;
+        let mut monitor = Self::new(system, state, options)?;
+        monitor.start.clone_from(&start.positions);
+        monitor.record = account.clone();
+        monitor.record.error.take_if(|error| !error.fits(system));
+        (monitor.saved.steps, monitor.saved.balance) = (steps, account.balance);
+        monitor.before.1 = account.balance.balance();
+        Ok(monitor)
+    }
+
+    /// The record with which the run can be [continued](Self::continued).
+    pub fn account(&self) -> MonitorCheckpoint {
+        self.record.clone()
+    }
+
+    /// Enters the state after a number of steps, the last of dt seconds.
+    ///
+    /// # Errors
+    /// [`StepFailure::Unstable`] when energy has appeared from nowhere, if that is to end the run;
+    /// [`StepFailure::NonFinite`] when an energy is not finite; a state of another system, or a dt that is not positive.
+    pub fn enter(&mut self, steps: u64, state: &State, dt: f64) -> Result<(), StepFailure> {
+        StepFailure::of_arguments(self.system, state, dt)?;
+        self.before = (self.last.time, self.balance());
+        let sums = self.springs.enter(state, dt).add(&self.work.enter(&self.last, state, dt)).of_all_parts(self.system);
+        let particles = ParticleSums::at(self.system, state, self.is_loose);
+        self.last.copy_from(state);
+        self.record.balance.enter(&sums, &particles, self.work.energy(state));
+        if self.has_overflowed() {
+            return Err(StepFailure::NonFinite);
+        }
+        let MonitorCheckpoint { balance, growth, steps: done, duration, .. } = &mut self.record;
+        *done += 1;
+        *duration += dt;
+        let (is_calm, grown) = growth.enter(balance, dt);
+        if is_calm {
+            self.saved.update(steps, state, balance);
+        }
+        if !growth.exchanged().is_finite() {
+            return Err(StepFailure::NonFinite);
+        }
+        if self.options.stops_unstable { grown } else { Ok(()) }
+    }
+
+    /// Propagates the error of the run over a step of dt seconds to a state, by the method that made it.
+    pub(super) fn propagate(&mut self, stepper: &mut (impl TimeStepper + ?Sized), state: &State, dt: f64) {
+        let Self { system, record: MonitorCheckpoint { error, predictable_until, .. }, last, options, .. } = self;
+        let Some(known) = error else { return };
+        let step = CompletedStep { before: last, after: state, length: dt };
+        if !stepper.propagate(known, &step) {
+            *error = None;
+            return;
+        }
+        let extent = extent(Some(system), &state.positions, &self.start);
+        known.saturate(system, extent);
+        let threshold = options.threshold.unwrap_or(INACCURATE);
+        if predictable_until.is_none() && known.norm(system) > threshold * extent {
+            *predictable_until = Some(last.time);
+        }
+    }
+
+    /// The pass over the springs, for a method that goes through them anyway.
+    pub(super) fn springs(&mut self) -> &mut SpringEnergies<'s> {
+        &mut self.springs
+    }
+
+    /// The step entered next may err by so much energy, in J, by the method's own estimate: that much growth does not count.
+    pub fn doubt(&mut self, energy: f64) {
+        self.record.growth.doubt(energy);
+    }
+
+    /// The energy of the state entered last, or that exchanged until then, is not finite.
+    pub(super) fn has_overflowed(&self) -> bool {
+        // Every other energy is a term of it.
+        !self.balance().imbalance.is_finite()
     }
 
     /// [`StepFailure::Unstable`] where energy has grown at the last state, if that is to end the run.
     pub(super) fn growth(&self) -> Option<StepFailure> {
-        let is_above = self.options.stops_unstable && self.growth.is_above();
-        let (gained, exchanged) = (self.growth.record.gained, self.growth.exchanged());
-        is_above.then_some(StepFailure::Unstable { gained, exchanged })
+        let growth = &self.record.growth;
+        let is_above = self.options.stops_unstable && growth.is_above();
+        is_above.then(|| StepFailure::Unstable { gained: growth.gained, exchanged: growth.exchanged() })
     }
 
     /// Restores the last state from before energy appeared, with its balance; returns the number of steps that led to it.
     pub(super) fn restore(&mut self, state: &mut State) -> u64 {
-        let saved = &self.growth.saved;
-        state.copy_from(&saved.state);
-        self.balance = saved.balance;
-        saved.steps
+        state.copy_from(&self.saved.state);
+        self.record.balance = self.saved.balance;
+        self.saved.steps
     }
 
     /// The propagated error of the run; `None` where it is not known.
     pub fn error(&self) -> Option<&PropagatedError> {
-        self.error.as_ref()
-    }
-
-    /// The time of the state entered last, in s.
-    pub fn time(&self) -> f64 {
-        self.times[1]
+        self.record.error.as_ref()
     }
 
     /// Energy at the start of the run.
     pub fn initial(&self) -> Energy {
-        self.balance.initial
+        self.record.balance.initial
     }
 
     /// Energy at the state entered last.
     pub fn energy(&self) -> Energy {
-        self.balance.energy
+        self.record.balance.energy
     }
 
     /// The balance at the state entered last.
     pub fn balance(&self) -> Balance {
-        self.balance.balance()
-    }
-
-    /// The balance at a time between the last two states and with the given energy: work and dissipation in proportion to the
-    /// time.
-    fn balance_between(&self, time: f64, energy: &Energy) -> Balance {
-        let [start, end] = self.times;
-        let share = if end > start { ((time - start) / (end - start)).clamp(0.0, 1.0) } else { 1.0 };
-        let (from, to) = (self.before.balance(), self.balance.balance());
-        let between = |from: f64, to: f64| from + share * (to - from);
-        self.balance.balance_of(energy, between(from.work, to.work), between(from.dissipated, to.dissipated))
+        self.record.balance.balance()
     }
 
     /// Energy and balance at a state of the last step: those entered at its end; within it work and dissipation grow in
     /// proportion to the time.
     pub fn energy_at(&self, state: &State) -> (Energy, Balance) {
-        if self.time() == state.time {
+        if self.last.time == state.time {
             return (self.energy(), self.balance());
         }
         let energy = Energy::of(self.system, state);
         (energy, self.balance_between(state.time, &energy))
     }
 
+    fn balance_between(&self, time: f64, energy: &Energy) -> Balance {
+        let ((start, from), end, to) = (self.before, self.last.time, self.balance());
+        let share = if end > start { ((time - start) / (end - start)).clamp(0.0, 1.0) } else { 1.0 };
+        let between = |from: f64, to: f64| from + share * (to - from);
+        let (work, dissipated) = (between(from.work, to.work), between(from.dissipated, to.dissipated));
+        self.record.balance.balance_of(energy, work, dissipated)
+    }
+
     /// The indicators of accuracy at a state, ordinarily the last.
     pub fn indicators(&self, state: &State) -> ErrorIndicators {
-        let extent = extent(self.system, state, &self.start);
-        let error = self.error.as_ref().filter(|_| self.steps > 0);
+        let MonitorCheckpoint { growth, steps, error, predictable_until, .. } = &self.record;
+        let extent = extent(Some(self.system), &state.positions, &self.start);
+        let error = error.as_ref().filter(|_| *steps > 0);
         ErrorIndicators {
-            steps: self.steps,
-            duration: self.duration,
             extent,
             estimate: error.map(|error| error.norm(self.system) / extent).filter(|estimate| estimate.is_finite()),
             local_errors: error.map_or(0.0, |error| error.sum_of_local_errors() / extent),
-            left_out: error.map_or(0.0, PropagatedError::left_out),
-            predictable_until: self.predictable_until,
-            exchanged: self.growth.exchanged(),
-            gained: self.growth.record.gained,
-            lost: self.growth.lost(&self.balance),
+            predictable_until: *predictable_until,
+            exchanged: growth.exchanged(),
+            gained: growth.gained,
         }
     }
-}
-
-/// The distance of the particles from their centroid, or from where they started if they are all at one place; never zero.
-fn extent(system: &System, state: &State, start: &[Vector3<f64>]) -> f64 {
-    let positions = &state.positions[..system.own_particles()];
-    let sum = positions.iter().sum::<Vector3<f64>>();
-    let [count, x, y, z] = system.total([positions.len() as f64, sum.x, sum.y, sum.z]);
-    let centre = Vector3::new(x, y, z) / count.max(1.0);
-    let (mut spread, mut moved, mut largest) = (0.0, 0.0, 0.0_f64);
-    for (x, start) in positions.iter().zip(start) {
-        spread += (x - centre).norm_squared();
-        moved += (x - start).norm_squared();
-        largest = largest.max(x.norm_squared());
-    }
-    let [spread, moved] = system.total([spread, moved]).map(f64::sqrt);
-    let [largest] = system.largest([largest.sqrt()]);
-    // A spread by rounding is none.
-    [spread, moved].into_iter().find(|&length| length > 1e-12 * largest).unwrap_or(1.0)
 }
 
 #[cfg(test)]

@@ -14,35 +14,17 @@
 //! ∫ b r g dt = b h (r̄ ḡ + slope·slope_g/12 + c·c_g/5),
 //! ```
 //!
-//! in the terms of `springs`, both to fourth order. Where a step does not resolve a spring's own motion the corrections are left
+//! in the terms of `force::spring_energies`, both to fourth order. Where a step does not resolve a spring's own motion the corrections are left
 //! out: `b h r̄ ḡ` goes with the dissipation `b h r̄²`.
 //!
 //! External forces do the work `Σ (f + f')·(x' − x)/2` in a step from x to x', to second order; the power that actuated springs
 //! take up is integrated by the trapezoidal rule.
 
-use super::springs::{RateParabola, Sums, resolved_step};
-use crate::force::{actuation_power, add_external_forces};
+use crate::force::{RateParabola, SpringSums, actuation_power, add_external_forces, resolved_step};
 use crate::spring::LawValues;
-use crate::system::{Motion, State, System};
+use crate::system::{Dof, Motion, State, System};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
-
-/// A moving prescribed coordinate at the last state.
-struct Coordinate {
-    particle: usize,
-    axis: usize,
-    position: f64,
-}
-
-/// A spring that ends in one, at the last state.
-struct DrivenSpring {
-    spring: usize,
-    /// x_i − x_j.
-    d: Vector3<f64>,
-    velocities: [Vector3<f64>; 2],
-    /// The longest step that resolves it, in s.
-    resolved: f64,
-}
 
 /// Kinetic and gravitational energy of a part of a scene, in J.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -60,46 +42,40 @@ impl BodyEnergy {
 /// All moving prescribed coordinates and their springs, the external forces and the actuation.
 pub(super) struct Work<'s> {
     system: &'s System,
-    coordinates: Vec<Coordinate>,
-    /// The mean velocities in the step of the coordinates that are prescribed, by particle; empty where none is.
-    prescribed: Vec<[Option<f64>; 3]>,
-    driven: Vec<DrivenSpring>,
+    /// The moving prescribed coordinates.
+    moving: Vec<Dof>,
+    /// Their mean velocities in the step, by particle and axis; empty where none moves.
+    velocities: Vec<[Option<f64>; 3]>,
+    /// The springs that end in one, ascending, each with the longest step that resolves it, in s.
+    driven: Vec<(usize, f64)>,
     /// The values of the law at the last state, where it gives those of all springs at once.
     law: LawValues,
-    external: Option<External>,
+    /// External forces at the last state, and room for those at the next.
+    external: Option<[Vec<Vector3<f64>>; 2]>,
     /// The power that actuated springs take up, in W.
     actuation: f64,
-}
-
-/// External forces and positions at the last state.
-pub(super) struct External {
-    force: Vec<Vector3<f64>>,
-    positions: Vec<Vector3<f64>>,
-    scratch: Vec<Vector3<f64>>,
 }
 
 impl<'s> Work<'s> {
     pub fn new(system: &'s System, state: &State) -> Self {
         let motions = system.prescribed().motions();
-        let moving = system.prescribed().iter().filter(|&(_, _, motion)| motions[motion] != Motion::Held);
-        let coordinate =
-            |particle: usize, axis: usize| Coordinate { particle, axis, position: state.positions[particle][axis] };
-        let coordinates: Vec<_> = moving.map(|(dof, ..)| coordinate(dof.particle, dof.axis)).collect();
-        let mut prescribed = vec![[None; 3]; if coordinates.is_empty() { 0 } else { system.particles() }];
-        coordinates.iter().for_each(|c| prescribed[c.particle][c.axis] = Some(0.0));
-        let is_prescribed = |p: usize| prescribed.get(p).is_some_and(|axes| axes.iter().any(Option::is_some));
-        let driven = (0..system.pairs().len())
-            .filter(|&spring| system.owns_spring(spring) && system.pair(spring).into_iter().any(is_prescribed))
-            .map(|spring| {
-                let [i, j] = system.pair(spring);
-                let d = state.positions[i] - state.positions[j];
-                let velocities = [state.velocities[i], state.velocities[j]];
-                DrivenSpring { spring, d, velocities, resolved: resolved_step(system, spring) }
-            })
+        let is_moving = |&(_, _, motion): &(Dof, f64, usize)| motions[motion] != Motion::Held;
+        let moving: Vec<Dof> = system.prescribed().iter().filter(is_moving).map(|(dof, ..)| dof).collect();
+        let mut velocities = vec![[None; 3]; if moving.is_empty() { 0 } else { system.particles() }];
+        moving.iter().for_each(|dof| velocities[dof.particle][dof.axis] = Some(0.0));
+        let moves = |p: usize| velocities.get(p).is_some_and(|axes| axes.iter().any(Option::is_some));
+        let driven: Vec<_> = (0..system.pairs().len())
+            .filter(|&spring| system.owns_spring(spring) && system.pair(spring).into_iter().any(moves))
+            .map(|spring| (spring, resolved_step(system, spring)))
             .collect();
-        let external = system.has_external_forces().then(|| External::at(system, state));
+        let external = system.has_external_forces().then(|| {
+            let mut force = vec![Vector3::zeros(); system.particles()];
+            let room = force.clone();
+            add_external_forces(system, &state.moment(), &mut force);
+            [force, room]
+        });
         let actuation = actuation_power(system, &state.moment());
-        let mut work = Self { system, coordinates, prescribed, driven, law: LawValues::default(), external, actuation };
+        let mut work = Self { system, moving, velocities, driven, law: LawValues::default(), external, actuation };
         work.law = work.law_at(state);
         work
     }
@@ -110,78 +86,89 @@ impl<'s> Work<'s> {
 
     /// The springs that end in a moving coordinate, ascending.
     pub fn driven(&self) -> impl Iterator<Item = usize> + '_ {
-        self.driven.iter().map(|driven| driven.spring)
+        self.driven.iter().map(|&(spring, _)| spring)
     }
 
     /// `Σ ½ m v²` and `−Σ m g x` over the moving coordinates.
     pub fn energy(&self, state: &State) -> BodyEnergy {
         let gravity = self.system.gravity();
-        let mut prescribed = BodyEnergy::default();
+        let mut energy = BodyEnergy::default();
         let own = self.system.own_particles();
-        for c in self.coordinates.iter().filter(|c| c.particle < own) {
-            let (x, v) = (state.positions[c.particle][c.axis], state.velocities[c.particle][c.axis]);
-            let mass = self.system.masses()[c.particle];
-            prescribed.kinetic += 0.5 * mass * v * v;
-            prescribed.gravitational -= mass * gravity[c.axis] * x;
+        for &Dof { particle, axis } in self.moving.iter().filter(|dof| dof.particle < own) {
+            let (x, v) = (state.positions[particle][axis], state.velocities[particle][axis]);
+            let mass = self.system.masses()[particle];
+            energy.kinetic += 0.5 * mass * v * v;
+            energy.gravitational -= mass * gravity[axis] * x;
         }
-        let [kinetic, gravitational] = self.system.total([prescribed.kinetic, prescribed.gravitational]);
+        let [kinetic, gravitational] = self.system.total([energy.kinetic, energy.gravitational]);
         BodyEnergy { kinetic, gravitational }
     }
 
-    /// Moves on to a state that a step of dt seconds led to: the work in the step, and the dissipation of driven springs.
-    pub fn enter(&mut self, state: &State, dt: f64) -> Sums {
-        let mut sums = self.constraints(state, dt);
-        sums.work += self.external.as_mut().map_or(0.0, |external| external.enter(self.system, state));
-        let power = actuation_power(self.system, &state.moment());
+    /// Moves on from a state to another after a step of dt seconds: the work in the step, and the dissipation of driven springs.
+    pub fn enter(&mut self, before: &State, after: &State, dt: f64) -> SpringSums {
+        let mut sums = self.constraints([before, after], dt);
+        sums.work += self.external_forces([before, after]);
+        let power = actuation_power(self.system, &after.moment());
         sums.work += 0.5 * (self.actuation + power) * dt;
         self.actuation = power;
         sums
     }
 
-    fn constraints(&mut self, state: &State, dt: f64) -> Sums {
-        let law = self.law_at(state);
+    fn constraints(&mut self, states: [&State; 2], dt: f64) -> SpringSums {
+        let law = self.law_at(states[1]);
         let before = std::mem::replace(&mut self.law, law);
-        let Self { system, coordinates, prescribed, driven, law, .. } = self;
-        let laws = [&before, law];
-        for c in coordinates {
-            let position = state.positions[c.particle][c.axis];
-            prescribed[c.particle][c.axis] = Some((position - c.position) / dt);
-            c.position = position;
+        let Self { system, moving, velocities, driven, law, .. } = self;
+        let (laws, time) = ([&before, law], states[1].time);
+        for &Dof { particle, axis } in &*moving {
+            let [from, to] = states.map(|state| state.positions[particle][axis]);
+            velocities[particle][axis] = Some((to - from) / dt);
         }
-        let within = |p: usize, v: &Vector3<f64>| Vector3::from_fn(|axis, _| prescribed[p][axis].unwrap_or(v[axis]));
-        let mut sums = Sums::default();
-        for driven in driven {
-            let [i, j] = system.pair(driven.spring);
-            let (d, velocities) = (state.positions[i] - state.positions[j], [state.velocities[i], state.velocities[j]]);
-            let relative = |[vi, vj]: &[Vector3<f64>; 2]| within(i, vi) - within(j, vj);
-            let ends = [End::new(&driven.d, &relative(&driven.velocities)), End::new(&d, &relative(&velocities))];
+        let within = |p: usize, v: &Vector3<f64>| Vector3::from_fn(|axis, _| velocities[p][axis].unwrap_or(v[axis]));
+        let mut sums = SpringSums::default();
+        for &(number, resolved) in &*driven {
+            let [i, j] = system.pair(number);
+            let relative = |vi: &Vector3<f64>, vj: &Vector3<f64>| within(i, vi) - within(j, vj);
+            let ends = states
+                .map(|State { positions: x, velocities: v, .. }| End::new(&(x[i] - x[j]), &relative(&v[i], &v[j])));
+            let springs = [0, 1].map(|end: usize| system.spring_with(laws[end], number, ends[end].length, time));
             let force = [0, 1].map(|end: usize| {
-                let End { length, rate, .. } = ends[end];
-                let spring = system.spring_with(laws[end], driven.spring, length, state.time);
-                let stiffness = spring.axial_stiffness();
-                (stiffness * (length - spring.rest_length), stiffness * rate)
+                let (stiffness, End { length, rate, .. }) = (springs[end].axial_stiffness(), ends[end]);
+                (stiffness * (length - springs[end].rest_length), stiffness * rate)
             });
-            let damping = system.spring_with(laws[1], driven.spring, d.norm(), state.time).damping;
-            let u = relative(&[Vector3::zeros(); 2]);
-            sums = sums.add(&exchange([dt, driven.resolved], &ends, force, damping, &u));
-            (driven.d, driven.velocities) = (d, velocities);
+            let u = relative(&Vector3::zeros(), &Vector3::zeros());
+            sums = sums.add(&exchange([dt, resolved], &ends, force, springs[1].damping, &u));
         }
-        sums.of_all_parts(system)
+        sums
+    }
+
+    /// The work of external forces on free coordinates, in J.
+    fn external_forces(&mut self, [before, after]: [&State; 2]) -> f64 {
+        let Self { system, external: Some([last, next]), .. } = self else { return 0.0 };
+        next.fill(Vector3::zeros());
+        add_external_forces(system, &after.moment(), next);
+        let mut work = 0.0;
+        for p in 0..system.own_particles() {
+            let moved = after.positions[p] - before.positions[p];
+            work += 0.5 * system.dofs().free_axes(p).project(&(next[p] + last[p])).dot(&moved);
+        }
+        std::mem::swap(last, next);
+        work
     }
 }
 
 /// A driven spring at one end of a step.
-pub(super) struct End {
-    pub n: Vector3<f64>,
+#[derive(Clone, Copy)]
+struct End {
+    n: Vector3<f64>,
     /// n′, in 1/s.
-    pub turning: Vector3<f64>,
-    pub length: f64,
-    pub rate: f64,
+    turning: Vector3<f64>,
+    length: f64,
+    rate: f64,
 }
 
 impl End {
     /// A spring whose ends are d apart and move at the relative velocity v; without length it has no direction.
-    pub fn new(d: &Vector3<f64>, v: &Vector3<f64>) -> Self {
+    fn new(d: &Vector3<f64>, v: &Vector3<f64>) -> Self {
         let length = d.norm();
         let n = if length > 0.0 { d / length } else { Vector3::zeros() };
         let rate = n.dot(v);
@@ -192,13 +179,13 @@ impl End {
 
 /// Work and dissipation of a driven spring in a step of dt seconds. `force` is its elastic tension with its derivative at both
 /// ends of the step, `resolved` the longest step that resolves it; its prescribed coordinates move at u.
-pub(super) fn exchange(
+fn exchange(
     [dt, resolved]: [f64; 2],
     ends: &[End; 2],
     force: [(f64, f64); 2],
     damping: f64,
     u: &Vector3<f64>,
-) -> Sums {
+) -> SpringSums {
     let is_resolved = dt <= resolved;
     let correction = if is_resolved { dt / 12.0 } else { 0.0 };
     let [first, last] = ends;
@@ -218,29 +205,5 @@ pub(super) fn exchange(
     };
     let (certain, resolved) = product(&rate);
     let (pull, pull_resolved) = product(&ends);
-    Sums { elastic: 0.0, work: elastic + pull + pull_resolved, dissipated: certain + resolved, certain }
-}
-
-impl External {
-    pub fn at(system: &System, state: &State) -> Self {
-        let zeros = || vec![Vector3::zeros(); system.particles()];
-        let mut external = Self { force: zeros(), positions: state.positions.clone(), scratch: zeros() };
-        add_external_forces(system, &state.moment(), &mut external.force);
-        external
-    }
-
-    /// The work since the last state on free coordinates, in J.
-    pub fn enter(&mut self, system: &System, state: &State) -> f64 {
-        self.scratch.fill(Vector3::zeros());
-        add_external_forces(system, &state.moment(), &mut self.scratch);
-        let mut work = 0.0;
-        for (p, (x, f)) in state.positions.iter().zip(&self.scratch).enumerate().take(system.own_particles()) {
-            let (moved, sum) = (x - self.positions[p], f + self.force[p]);
-            work += system.dofs().free_axes(p).iter().map(|axis| 0.5 * sum[axis] * moved[axis]).sum::<f64>();
-        }
-        std::mem::swap(&mut self.force, &mut self.scratch);
-        self.positions.copy_from_slice(&state.positions);
-        let [work] = system.total([work]);
-        work
-    }
+    SpringSums { elastic: 0.0, work: elastic + pull + pull_resolved, dissipated: certain + resolved, certain }
 }

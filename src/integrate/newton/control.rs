@@ -55,8 +55,6 @@ pub(super) enum NewtonMatrix {
     /// `A + σ M/dt²` with the full stiffness and this σ.
     Shifted(f64),
 }
-
-/// The choice of the matrix in one time step; see the module.
 pub(super) struct MatrixChoice {
     pub matrix: NewtonMatrix,
     slow_iterations: u32,
@@ -110,8 +108,6 @@ impl MatrixChoice {
         }
     }
 }
-
-/// A point of the line search.
 #[derive(Clone, Copy)]
 pub(super) struct Point {
     /// ‖r‖.

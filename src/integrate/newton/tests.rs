@@ -1,11 +1,11 @@
 use super::control::{ForceBalance, MatrixChoice, NewtonMatrix, Point};
-use super::{NOISE, Newton, NewtonOptions, dot, free_norm, may_start_again};
-use crate::error::DegenerateSpring;
+use super::{NOISE, Newton, NewtonOptions, dot, free_norm};
 use crate::integrate::implicit::LinearSystem;
 use crate::integrate::{ImplicitOptions, NotSolved, StepFailure, StiffnessPolicy};
 use crate::linear::SolveFailure;
 use crate::operator::Combination;
 use crate::spring::{Spring, Stiffness};
+use crate::system::fixtures::tethered;
 use crate::system::{State, System, SystemBuilder};
 use nalgebra::Vector3;
 
@@ -77,12 +77,7 @@ fn the_potential_its_slope_and_the_work_of_damping() {
 #[test]
 fn what_overflows_is_refused() {
     for (stiffness, rest_length, length) in [(1e160, 1.0, 2.0), (1e-50, 1.0, 1e200)] {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.0, 0.0, 0.0], 1.0);
-        builder.hold(0);
-        builder.spring(0, 1, Spring { stiffness, rest_length, damping: 0.0 });
-        let (system, mut state) = builder.build().unwrap();
+        let (system, mut state) = tethered(1.0, 1.0, Spring { stiffness, rest_length, damping: 0.0 });
         let mut newton = newton(&system, &state, Stiffness::Full);
         assert!(newton.evaluate(&state, 1.0, 0.0).is_ok());
         // At this length from the start on, so that inertia has no part in it.
@@ -99,12 +94,7 @@ fn what_overflows_is_refused() {
 
 /// A weight on a spring from the origin at its rest length of 1 m.
 fn weight(stiffness: f64, speed: f64) -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([1.0, 0.0, 0.0], 1.0);
-    builder.hold(0);
-    builder.spring(0, 1, Spring { stiffness, rest_length: 1.0, damping: 0.0 });
-    let (system, mut state) = builder.build().unwrap();
+    let (system, mut state) = tethered(1.0, 1.0, Spring { stiffness, rest_length: 1.0, damping: 0.0 });
     state.velocities[1].x = speed;
     (system, state)
 }
@@ -130,19 +120,6 @@ fn it_starts_from_the_predicted_state() {
     newton.solve(&state, 0.5).unwrap();
     let residual = newton.evaluate(&state, 0.5, 0.0).unwrap().residual;
     assert!(residual < 1e-9, "{residual:e}");
-}
-
-#[test]
-fn only_stuck_iterations_start_again() {
-    let newton = |reason| StepFailure::Newton { iterations: 3, relative_residual: 0.5, reason };
-    let degenerate = StepFailure::DegenerateSpring(DegenerateSpring { spring: 0, pair: [0, 1] });
-    for failure in [newton(NotSolved::LineSearch), newton(NotSolved::Ascent), StepFailure::NonFinite, degenerate] {
-        assert!(may_start_again(&failure), "{failure}");
-    }
-    let refused = StepFailure::Solve(SolveFailure::Unprepared);
-    for failure in [newton(NotSolved::IterationLimit), refused, StepFailure::Tolerance] {
-        assert!(!may_start_again(&failure), "{failure}");
-    }
 }
 
 /// A refinement ends where the next correction would be smaller than the last, not more: it takes fewer iterations than a
@@ -255,54 +232,10 @@ fn relative_residual(newton: &mut Newton, state: &State, dt: f64) -> f64 {
     free_norm(linear.system, force) / balance.forces
 }
 
-/// A particle of 1 kg on one spring from the origin, at rest on the first axis; a step is to take one second.
-fn on_the_axis(from: f64, spring: Spring) -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([from, 0.0, 0.0], 1.0);
-    builder.hold(0);
-    builder.spring(0, 1, spring);
-    builder.build().unwrap()
-}
-
-/// With the spring at its rest length A is the mass across it, 1 N/m, and a spring that lengthens by `u` in a second has
-/// `D = −b u/l` there: the direction is the sum of powers of D, as far as they fall to a half and it descends.
-#[test]
-fn directions_are_refined_while_that_contracts_and_descends() {
-    let direction = |[from, to]: [f64; 2], damping: f64, eta: f64| {
-        let (system, state) = on_the_axis(from, Spring { stiffness: 1.0, rest_length: to, damping });
-        let mut newton = newton(&system, &state, Stiffness::Full);
-        newton.displacement[1].x = to - from;
-        newton.evaluate(&state, 1.0, 0.0).unwrap();
-        newton.force[1] = Vector3::new(0.0, 2.0, 0.0);
-        newton.linear.prepare(Stiffness::Full.into(), Combination::step(1.0)).unwrap();
-        let [slope, _] = newton.set_direction(eta).unwrap();
-        let y = newton.direction[1].y;
-        assert_eq!(newton.direction[1], Vector3::new(0.0, y, 0.0));
-        assert!(close(slope, -2.0 * y));
-        (y, newton.linear.statistics.work.solves)
-    };
-    let sum = |d: f64, terms: u64| (2.0 * (0..terms).map(|i| d.powi(i as i32)).sum::<f64>(), terms);
-    let check = |(y, solves): (f64, u64), expected: (f64, u64)| {
-        assert!(close(y, expected.0) && solves == expected.1, "{y} in {solves}, not {expected:?}");
-    };
-    // D = −0.2 and 0.4: until the next term is below the part asked for; eight at most.
-    check(direction([1.0, 1.25], 1.0, 1e-3), sum(-0.2, 5));
-    check(direction([1.0, 0.75], 1.2, 1e-2), sum(0.4, 6));
-    check(direction([1.0, 0.75], 1.2, 0.0), sum(0.4, 9));
-    // D = 0.6: the second term is more than half the first. At a half it goes on.
-    check(direction([1.0, 0.75], 1.8, 0.0), sum(0.6, 2));
-    check(direction([1.0, 0.5], 0.5, 0.0), sum(0.5, 9));
-    // D = −0.6: more than half of the descent would be lost. At a half it goes on.
-    let (y, solves) = direction([1.0, 1.25], 3.0, 0.0);
-    assert_eq!((y, solves), (2.0, 2));
-    check(direction([0.5, 1.0], 1.0, 0.0), sum(-0.5, 9));
-}
-
 /// A compressed spring takes 1.5 N/m across, more than the mass gives: masses are raised in steps of four.
 #[test]
 fn masses_are_raised_where_nothing_else_is_left() {
-    let (system, state) = on_the_axis(1.0, Spring { stiffness: 3.0, rest_length: 2.0, damping: 0.0 });
+    let (system, state) = tethered(1.0, 1.0, Spring { stiffness: 3.0, rest_length: 2.0, damping: 0.0 });
     let mut newton = newton(&system, &state, Stiffness::Full);
     newton.evaluate(&state, 1.0, 0.0).unwrap();
     newton.force[1] = Vector3::new(0.0, 2.0, 0.0);
@@ -322,7 +255,7 @@ fn masses_are_raised_where_nothing_else_is_left() {
 /// Steps are shortened where the spring would collapse, and where φ would rise above the highest that counts.
 #[test]
 fn line_searches_shorten_steps() {
-    let (system, state) = on_the_axis(1.0, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+    let (system, state) = tethered(1.0, 1.0, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
     let mut newton = newton(&system, &state, Stiffness::Full);
     let high = Point { residual: 1.0, potential: 1e9, noise: 0.0, slope: -1.0, damping_slope: 0.0 };
     newton.direction[1].x = -1.0;
@@ -338,26 +271,4 @@ fn line_searches_shorten_steps() {
     let from = newton.evaluate(&state, 1.0, 0.0).unwrap();
     let (step, point) = newton.line_search(&state, 1.0, from, 7.0).unwrap();
     assert_eq!((step, point.potential), (1.0, 6.25));
-}
-
-/// A correction can be undone; the next one is estimated by the residual and the diagonal blocks of the matrix.
-#[test]
-fn corrections_can_be_undone() {
-    let (system, mut state) = weight(36.0, 1.0);
-    state.time = 3.0;
-    let mut newton = newton(&system, &state, Stiffness::Full);
-    let displacement = Vector3::new(0.25, 0.5, 0.0);
-    newton.displacement[1] = displacement;
-    newton.residual(&state, 0.5).unwrap();
-    assert_eq!(newton.trial.time, 3.5);
-    newton.linear.prepare(Stiffness::Axial.into(), Combination::step(0.5)).unwrap();
-    newton.correct(|_, _| 0.0).unwrap();
-    assert!((newton.displacement[1] - displacement - newton.direction[1]).norm() < 1e-14);
-    assert!(newton.direction[1].norm() > 0.1);
-    newton.move_by(-1.0);
-    assert!((newton.displacement[1] - displacement).norm() < 1e-14);
-    // M/h² is 4 N/m, and κ along the spring from (0, 0) to (1.25, 0.5) is 36 N/m.
-    let along = Vector3::new(1.25, 0.5, 0.0).normalize();
-    newton.force[1] = along * 20.0 + Vector3::z() * 6.0;
-    assert!(close(newton.residual_energy(), 400.0 / 40.0 + 36.0 / 4.0), "{}", newton.residual_energy());
 }

@@ -1,12 +1,13 @@
-use super::{A, B, C, GAMMA, RATES, Rodas4, Row, STAGES, TIMES, position_error, rotational_damping, stage_error};
+use super::{A, B, C, GAMMA, RATES, Rodas4, Row, STAGES, TIMES, rotational_damping};
 use crate::force::SpringGeometry;
-use crate::integrate::oscillator::{OscillationAxis, Oscillator};
+use crate::integrate::fixtures::{OscillationAxis, Oscillator};
 use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
 use crate::linear::{
     Definiteness, LdltSolver, LinearSolver, PreparedMatrix, Solution, SolveFailure, SolverChoice, SolverOptions, norm,
 };
 use crate::operator::SystemOperator;
 use crate::spring::{Spring, Stiffness};
+use crate::system::fixtures::tethered;
 use crate::system::{State, System, SystemBuilder};
 use crate::work::Work;
 use nalgebra::{Complex, SMatrix, SVector, Vector3};
@@ -209,30 +210,9 @@ fn steps_are_cut_five_times_at_most() {
     assert_eq!(state, start);
 }
 
-/// The lesser of ‖u_6x‖ and 0.15 h ‖u_6v‖; for stages a tenth of it in the norm of M, over free coordinates.
-#[test]
-fn errors_are_the_lesser_of_positions_and_velocities() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 4.0);
-    builder.particle([1.0, 0.0, 0.0], 9.0);
-    builder.hold(1);
-    let (system, _) = builder.build().unwrap();
-    let (x, v) = ([Vector3::new(3.0, 0.0, 0.0), Vector3::y() * 4.0], [Vector3::new(0.0, 6.0, 0.0), Vector3::z() * 8.0]);
-    // 5 m and 10 m/s, and of the first alone, with 4 kg, 6 and 12.
-    for (h, positions, stages) in [(2.0, 3.0, 0.1 * 3.6), (4.0, 5.0, 0.1 * 6.0)] {
-        let found = [position_error(&system, [&x, &v], h), stage_error(&system, [&x, &v], h)];
-        assert!((found[0] - positions).abs() < 1e-12 && (found[1] - stages).abs() < 1e-12, "{h}: {found:?}");
-    }
-}
-
 /// A particle of 4 kg on 400 N/m, 0.3 m from rest.
 fn pulled() -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([1.3, 0.0, 0.0], 4.0);
-    builder.spring(0, 1, Spring { stiffness: 400.0, rest_length: 1.0, damping: 0.0 });
-    builder.hold(0);
-    builder.build().unwrap()
+    tethered(1.3, 4.0, Spring { stiffness: 400.0, rest_length: 1.0, damping: 0.0 })
 }
 
 /// The error of the last step stands for this one's, by the fourth power of the ratio of lengths; for a longer one unchanged.

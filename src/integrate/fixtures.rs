@@ -1,6 +1,6 @@
-//! A particle whose steps are known by hand, whatever the method.
+//! Motions for tests: of a particle whose steps are known by hand, whatever the method, and of one on a path with kinks.
 //!
-//! A spring draws it behind a particle that is moved along x, faster, back and faster again between kinks a second apart. Seen from there
+//! A spring draws the first behind a particle that is moved along x, faster, back and faster again between kinks a second apart. Seen from there
 //! it swings about the place where the spring carries its weight, along the spring as a damped oscillator and, by as little as makes no
 //! difference along it, across the spring as an undamped one. With λ the eigenvalue and `y = Re(a)`, `y' = Re(λ a)`, a method with
 //! the stability function R makes `R(hλ) a` of a.
@@ -35,17 +35,12 @@ pub(super) struct Oscillator {
 impl Oscillator {
     /// At a time between 1 s and 2 s, off its place and in motion.
     pub fn new(axis: OscillationAxis, damping: f64, time: f64) -> Self {
-        Self::drifting(axis, damping, time, 0.0)
-    }
-
-    /// The same, and all of it goes at a steady speed along y.
-    pub fn drifting(axis: OscillationAxis, damping: f64, time: f64, drift: f64) -> Self {
         let mut builder = SystemBuilder::new();
         builder.gravity(GRAVITY, 0.0, 0.0);
         builder.particle([0.0; 3], 7.0);
         builder.particle([1.0, 0.0, 0.0], MASS);
         builder.spring(0, 1, Spring { stiffness: STIFFNESS * REST_LENGTH, rest_length: REST_LENGTH, damping });
-        let (times, offsets) = PATH.map(|(time, x)| (time, Vector3::new(x, drift * time, 0.0))).into_iter().unzip();
+        let (times, offsets) = PATH.map(|(time, x)| (time, Vector3::new(x, 0.0, 0.0))).into_iter().unzip();
         builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion: Motion::Path { times, offsets } });
         let (system, mut start) = builder.build().unwrap();
         start.time = time;
@@ -98,4 +93,16 @@ impl Oscillator {
         let is_along = state.positions.iter().all(|x| x.z == 0.0) && state.velocities.iter().all(|v| v.z == 0.0);
         is_along && found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() <= tolerance * size)
     }
+}
+
+/// A damped particle on a spring to another that starts, turns and stops suddenly, a quarter of a second each.
+pub(super) fn pulled_with_kinks() -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([2.1, 0.0, 0.0], 1.0);
+    let offsets = [[0.0, 0.0, 0.0], [0.5, 0.1, 0.0], [0.25, 0.0, 0.0]].map(Vector3::from).to_vec();
+    let motion = Motion::Path { times: vec![0.25, 0.5, 0.75], offsets };
+    builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
+    builder.spring(0, 1, Spring { stiffness: 30.0, rest_length: 2.0, damping: 3.0 });
+    builder.build().unwrap()
 }
