@@ -227,6 +227,16 @@ mod tests {
         assert_eq!((result.status, result.steps, result.error), (Status::Interrupted, 7, None));
     }
 
+    /// Symplectic Euler far beyond its limit of stability.
+    #[test]
+    fn unstable_runs_end_unless_they_are_allowed() {
+        let (system, mut state) = row(4);
+        state.velocities[2].x = 1.0;
+        let simulation = Simulation::new(&system, state).method(Method::SymplecticEuler).dt(2.0);
+        assert_eq!(simulation.clone().run(60.0).unwrap().status, Status::Unstable);
+        assert_ne!(simulation.allow_unstable().run(60.0).unwrap().status, Status::Unstable);
+    }
+
     /// Steps and durations that are none, and states of other systems, are errors of every method, and of matrices; nothing moves.
     #[test]
     fn arguments_that_cannot_be_used_are_errors() {

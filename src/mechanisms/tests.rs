@@ -129,20 +129,23 @@ fn frameworks_of_the_textbooks() {
 /// A particle between two supports on a line moves across it against Σ T/l: the shorter spring decides, though the longer one has the larger tension.
 #[test]
 fn prestress_stiffens_by_tension_over_length() {
-    let judged = |signs: [f64; 2]| {
+    let judged = |stiffness: f64, signs: [f64; 2]| {
         let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
         for x in [0.0, 3.0, 4.0] {
             builder.particle([x, 0.0, 0.0], 1.0);
         }
-        // T of 1 N over 3 m and of ½ N over 1 m.
+        // With 10 N, T of 1 N over 3 m and of ½ N over 1 m.
         for ([i, j], length, tension) in [([0, 1], 3.0, signs[0]), ([1, 2], 1.0, 0.5 * signs[1])] {
-            builder.spring(i, j, Spring { stiffness: 10.0, rest_length: length / (1.0 + 0.1 * tension), damping: 0.0 });
+            builder.spring(i, j, Spring { stiffness, rest_length: length / (1.0 + 0.1 * tension), damping: 0.0 });
         }
         builder.hold(0).hold(2);
         let (system, state) = builder.build().unwrap();
         mechanisms(&system, &state).unwrap().prestress_stable
     };
-    assert_eq!([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0]].map(judged), [Some(true), Some(false), Some(true)]);
+    for stiffness in [10.0, 1e-9, 1e12] {
+        let found = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0]].map(|signs| judged(stiffness, signs));
+        assert_eq!(found, [Some(true), Some(false), Some(true)], "{stiffness}");
+    }
 }
 
 /// Three squares in a row have three mechanisms, and as many springs as that take all of them away.

@@ -52,6 +52,24 @@ fn a_triangle_has_a_double_mode() {
     }
 }
 
+/// A particle on a taut string swings alike along two axes. One of the two modes lies at the edge of what is counted, and its interval reaches
+/// down to there: below it is no eigenvalue.
+#[test]
+fn half_of_a_double_mode_is_known_to_the_edge_of_the_count() {
+    let mut builder = SystemBuilder::new();
+    for x in [0.0, 1.0, 2.0] {
+        builder.particle([x, 0.0, 0.0], 1.0);
+    }
+    builder.spring(0, 1, spring(10.0, 0.9));
+    builder.spring(1, 2, spring(10.0, 0.9));
+    builder.hold(0).hold(2);
+    let (system, state) = builder.build().unwrap();
+    let found = modes(&system, &state, 1).unwrap();
+    // 2 T/(m l) with T = 10 · 0.1/0.9.
+    assert_close(&values(&found), &[20.0 / 9.0]);
+    assert!(found.proven && found.modes[0].error_bound >= found.modes[0].eigenvalue - found.counted_below, "{found:?}");
+}
+
 /// A taut chain of N masses between two walls, held to its line: `ω_k = 2 √(κ/m) sin(kπ / 2(N+1))`. Along it with κ = k/l0, across with the tension over
 /// the length.
 #[test]

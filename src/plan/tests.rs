@@ -41,6 +41,17 @@ fn stiffness_decides_where_no_method_is_asked_for() {
     assert_eq!([0.1, 1.0].map(|dt| method(auto, [dt, 10.0], None)), [Method::Verlet, Method::Bdf2]);
 }
 
+#[test]
+fn a_stiffness_that_is_asked_for_is_used() {
+    let (system, state) = swing();
+    let of = |stiffness| {
+        let plan = RunOptions { stiffness, ..RunOptions::default() }.plan(&system, &state, [0.1, 1.0], None).unwrap();
+        plan.configuration.options.stiffness
+    };
+    let axial = StiffnessPolicy::Always(Stiffness::Axial);
+    assert_eq!((of(None), of(Some(axial))), (ImplicitOptions::default().stiffness, axial));
+}
+
 /// Each method by its name, and the choice between them last; as many records of a year as of a microsecond.
 #[test]
 fn there_is_a_choice_for_every_method() {

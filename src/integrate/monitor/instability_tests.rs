@@ -195,3 +195,29 @@ fn rounding_is_relative_to_what_is_added_up() {
     }
     assert!(step([kinetic(0.0), kinetic(1e-3)], 0.0, 0.5).0.is_above());
 }
+
+/// Three particles that fall freely exchange nothing, while their energies of some 10 J are rounded.
+#[test]
+fn a_scene_that_falls_as_a_whole_is_calm() {
+    let mut builder = SystemBuilder::new();
+    builder.gravity(0.0, -9.81, 0.0);
+    for (p, x) in [0.0, 0.7, 1.9].into_iter().enumerate() {
+        builder.particle([x, 0.3 * x * x, 0.0], 0.3 + 0.1 * x);
+        if p > 0 {
+            builder.spring(p - 1, p, Spring { stiffness: 1e-3, rest_length: 1.0, damping: 0.0 });
+        }
+    }
+    let (system, state) = builder.build().unwrap();
+    let at = |energy: f64, surplus: f64| ParticleSums {
+        energy: BodyEnergy { kinetic: energy + surplus, gravitational: -energy },
+        centre_of_mass: BodyEnergy { kinetic: energy, gravitational: -energy },
+    };
+    let springs = SpringSums::default();
+    let mut balance = EnergyBalance::new(&springs, &at(0.0, 0.0), BodyEnergy::default());
+    let mut growth = GrowthRecord::new(&system, &balance, &state);
+    for (surplus, expected) in [(10.0 * f64::EPSILON, false), (1e-3, true)] {
+        balance.enter(&springs, &at(10.0, surplus), BodyEnergy::default());
+        let _ = growth.enter(&balance, 1e-2);
+        assert_eq!(growth.is_above(), expected, "{surplus:e}");
+    }
+}
