@@ -132,7 +132,10 @@ impl Tests {
 fn command(executable: &Path, name: &str, folder: &Path) -> Command {
     let mut command = Command::new(executable);
     command.args(["--exact", name, "--test-threads", "1"]).env("INSTA_UPDATE", "no").current_dir(folder);
+    // Commands that a test starts end with it.
     command.stdout(Stdio::null()).stderr(Stdio::null());
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(&mut command, 0);
     command
 }
 
@@ -146,7 +149,11 @@ fn passes(command: &mut Command, limit: Duration) -> Result<bool> {
             return Ok(status.success());
         }
         if started.elapsed() > limit {
-            child.kill()?;
+            if cfg!(unix) {
+                Command::new("kill").args(["-KILL", "--", &format!("-{}", child.id())]).status()?;
+            }
+            // It may have ended by now.
+            child.kill().ok();
             child.wait()?;
             return Ok(false);
         }
