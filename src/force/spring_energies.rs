@@ -19,7 +19,7 @@
 //! The damping of springs that end in a moving prescribed particle is counted elsewhere (`integrate::monitor::work`): their rates
 //! jump at kinks of the path.
 //!
-//! SpringSums are made slot by slot of a batch and block by block, so that they have the same bits for any number of threads.
+//! Sums are made slot by slot of a batch and block by block, so that they have the same bits for any number of threads.
 
 use super::DegenerateSpring;
 use super::batch::{Accumulator, BATCH, Batch as Forces, Coincident, List};

@@ -1,6 +1,6 @@
 //! Results on disk: JSON, CSV, Matrix Market and VTK, each file written whole or not at all.
 //!
-//! Every number is written in the shortest decimal form that reads back to the same bits. Errors are [`Error::Io`](crate::Error::Io)
+//! Every number is written in the shortest decimal form that reads back to the same bits. Errors are [`Error::Io`]
 //! with the path of a file that cannot be written, renamed or removed, unless a function says otherwise.
 
 mod checkpoint;

@@ -110,7 +110,7 @@ pub(super) struct ParticleSums {
 }
 
 impl ParticleSums {
-    /// At a state; `is_loose` where nothing holds the scene. SpringSums are made block by block, whatever the number of threads.
+    /// At a state; `is_loose` where nothing holds the scene. Sums are made block by block, whatever the number of threads.
     pub fn at(system: &System, state: &State, is_loose: bool) -> Self {
         let (gravity, masses, own) = (system.gravity(), system.masses(), system.own_particles());
         // Kinetic energy, weight, and of a loose scene mass and momentum.
