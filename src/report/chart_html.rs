@@ -58,7 +58,9 @@ fn methods(chart: &WorkPrecision) -> Markup {
             "Only steps from which on every shorter one of the same method, option and solver succeeded and erred less: what a longer step \
              did by luck is not advice. The least work, in force evaluations, stands first."
         }
-        @if decisions.is_empty() {
+        @if decisions.is_empty() && !chart.excluded.is_empty() {
+            p { "No method has such steps that hold to the end of the whole scene too." }
+        } @else if decisions.is_empty() {
             p { "No method has such steps with an error below 10 %: give the chart more time, or a shorter motion." }
         } @else {
             (best("The best option of each method for the larger errors", open))
@@ -150,4 +152,25 @@ fn runs(runs: &[Run]) -> Markup {
         Row::Cells(cells(run).into_iter().chain([solves, status]).collect())
     });
     page::table("All runs", "full cards", &columns, rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::methods;
+    use crate::chart::{Reference, WorkPrecision};
+    use crate::system::State;
+
+    /// More time for the chart does not help where runs are left out because they do not hold to the end.
+    #[test]
+    fn the_reason_for_no_advice_is_that_of_the_conclusion() {
+        let said = |excluded: Vec<usize>| {
+            let state = State { time: 1.0, positions: Vec::new(), velocities: Vec::new() };
+            let reference = Reference { method: "none".into(), error_estimate: 0.0, state };
+            let (scene, runs) = (String::new(), Vec::new());
+            methods(&WorkPrecision { scene, duration: 1.0, reference, runs, excluded }).into_string()
+        };
+        let [nothing, excluded] = [said(Vec::new()), said(vec![0])];
+        assert!(nothing.contains("give the chart more time") && !nothing.contains("whole scene"), "{nothing}");
+        assert!(excluded.contains("whole scene") && !excluded.contains("give the chart more time"), "{excluded}");
+    }
 }
