@@ -70,10 +70,10 @@ struct Fault {
     change: String,
 }
 
-/// Plants random faults and prints which tests detect each.
+/// Plants random faults and prints which tests detect each. Tests that fail without a fault are left out.
 ///
 /// # Errors
-/// The program does not compile, or fails without a fault.
+/// A program that does not compile.
 pub fn run(root: &Path, choice: &Choice) -> Result<()> {
     let target = copy::target(root).join("faults-planted");
     let program = target.join("blind");
