@@ -182,8 +182,10 @@ impl<'s> BackwardEuler<'s> {
     }
 }
 
+/// For comparisons of the answers to an indefinite matrix.
+#[cfg(feature = "report")]
 impl BackwardEuler<'_> {
-    /// Keeps an option for all iterations, for comparisons.
+    /// Keeps an option for all iterations.
     pub(crate) fn keep_option(&mut self) {
         self.0.keeps_option = true;
     }
