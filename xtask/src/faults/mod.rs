@@ -20,6 +20,9 @@ use std::time::{Duration, Instant};
 /// Time limit of the suite on a faulty program; on the correct one it takes seconds.
 const PATIENCE: Duration = Duration::from_secs(300);
 
+/// The rows, for reports.
+const RECORD: &str = "src/report/faults.json";
+
 /// The number of test families in a record.
 const NAMED: usize = 4;
 
@@ -99,23 +102,29 @@ pub fn run(root: &Path, chosen: &Chosen) -> Result<()> {
             anyhow::bail!("the program fails without a fault: {}", tests.join(", "));
         }
     }
-    let record = root.join("src/report/faults.json");
-    let mut caught: Vec<Caught> = serde_json::from_str(&fs::read_to_string(&record)?)?;
-    caught.retain(|row| !chosen.has(&row.fault) && faults.iter().any(|fault| fault.name == row.fault));
+    let mut caught: Vec<Caught> = serde_json::from_str(&fs::read_to_string(root.join(RECORD))?)?;
+    caught.retain(|row| faults.iter().any(|fault| fault.name == row.fault));
     let source = Source::read(&copy.program.join("src"))?;
     for fault in faults.iter().filter(|fault| chosen.has(&fault.name)) {
         let started = Instant::now();
         let row = copy.plant(fault, &source)?;
         println!("{:>4} s  {}: {}", started.elapsed().as_secs(), row.fault, page::families(&row, "nothing"));
+        caught.retain(|before| before.fault != row.fault);
         caught.push(row);
+        caught.sort_by_key(|row| faults.iter().position(|fault| fault.name == row.fault));
+        record(root, &caught)?;
     }
-    caught.sort_by_key(|row| faults.iter().position(|fault| fault.name == row.fault));
-    let rows = caught.iter().map(serde_json::to_string).collect::<Result<Vec<_>, _>>()?;
-    fs::write(record, format!("[\n{}\n]\n", rows.join(",\n")))?;
-    fs::write(root.join("verification/faults.md"), page::page(&caught))?;
     let survived: Vec<&str> = caught.iter().filter(|row| row.tests == 0).map(|row| row.fault.as_str()).collect();
     ensure!(survived.is_empty(), "{} of {} faults survived: {}", survived.len(), caught.len(), survived.join(", "));
     println!("{} faults, all caught", caught.len());
+    Ok(())
+}
+
+/// Writes the rows of all faults, after every one: a run that is interrupted loses nothing.
+fn record(root: &Path, caught: &[Caught]) -> Result<()> {
+    let rows = caught.iter().map(serde_json::to_string).collect::<Result<Vec<_>, _>>()?;
+    fs::write(root.join(RECORD), format!("[\n{}\n]\n", rows.join(",\n")))?;
+    fs::write(root.join("verification/faults.md"), page::page(caught))?;
     Ok(())
 }
 
