@@ -323,12 +323,17 @@ impl<'s> Search<'s> {
         self.energy = elastic - loads.iter().zip(&state.positions).map(|(f, x)| f.dot(x)).sum::<f64>();
     }
 
-    /// The forces that rounding of positions makes: of the stiffest spring, and of all springs of a particle. No search gets below these.
+    /// The forces that rounding of positions makes, `u k/l0 ‖x‖` of a spring's farther end: of one spring, and of all springs of a particle. No search
+    /// gets below these.
     fn rounding(&self) -> [f64; 2] {
-        let extent = self.state.positions.iter().fold(0.0f64, |extent, x| extent.max(x.amax()));
-        let springs = self.geometry.springs(self.system);
-        let stiffest = springs.fold(0.0f64, |stiffest, ((_, _, spring), _)| stiffest.max(spring.axial_stiffness()));
-        [stiffest, self.stiffness()].map(|stiffness| stiffness * extent * f64::EPSILON)
+        let (mut largest, mut sums) = (0.0f64, vec![0.0; self.system.particles()]);
+        for ((_, ends, spring), _) in self.geometry.springs(self.system) {
+            let farther = ends.iter().fold(0.0f64, |farther, &end| farther.max(self.state.positions[end].amax()));
+            let force = spring.axial_stiffness() * farther * f64::EPSILON;
+            largest = largest.max(force);
+            ends.iter().for_each(|&end| sums[end] += force);
+        }
+        [largest, sums.into_iter().fold(0.0, f64::max)]
     }
 
     /// The largest sum of k/l0 at a particle, in N/m.
@@ -388,7 +393,7 @@ impl<'s> Search<'s> {
             // One more step, at full length, takes the residual to rounding.
             self.polish()?;
             let Some(direction) = self.unstable_direction(true)? else {
-                let inertia = self.inertia()?;
+                let inertia = self.inertia(true)?;
                 let stability = if inertia.zero > 0 { Stability::Indifferent } else { Stability::Stable };
                 return Ok(self.ended(stability, inertia));
             };
@@ -476,9 +481,9 @@ impl<'s> Search<'s> {
         Ok(())
     }
 
-    fn inertia(&mut self) -> Result<Signs> {
+    fn inertia(&mut self, is_at_rest: bool) -> Result<Signs> {
         let a = self.assemble(Stiffness::Full)?;
-        let band = self.zero_band(&a);
+        let band = self.zero_band(&a, is_at_rest);
         let order = a.order();
         if order == 0 {
             return Ok(Signs::default());
@@ -492,9 +497,9 @@ impl<'s> Search<'s> {
         Ok(Signs { negative, zero: not_positive.saturating_sub(negative), positive: order - not_positive })
     }
 
-    /// Eigenvalues up to this size, in N/m, are zero: rounding, and what the force that is left may change.
-    fn zero_band(&self, a: &SymmetricMatrix) -> f64 {
-        let left = self.residual() * self.acting;
+    /// Eigenvalues up to this size, in N/m, are zero: rounding, and at an equilibrium what the force that is left may change.
+    fn zero_band(&self, a: &SymmetricMatrix, is_at_rest: bool) -> f64 {
+        let left = if is_at_rest { self.left() } else { 0.0 };
         let shortest =
             self.geometry.iter().map(|at| at.length).filter(|length| *length > 0.0).fold(f64::INFINITY, f64::min);
         ZERO * Pencil::of(a).norm() + 10.0 * left / shortest
@@ -505,7 +510,7 @@ impl<'s> Search<'s> {
     fn unstable_direction(&mut self, is_at_rest: bool) -> Result<Option<Vec<f64>>> {
         self.lowest = None;
         let a = self.assemble(Stiffness::Full)?;
-        let band = if is_at_rest { self.zero_band(&a) } else { ZERO * Pencil::of(&a).norm() };
+        let band = self.zero_band(&a, is_at_rest);
         if a.order() == 0 || self.factor(&a) {
             return Ok(None);
         }
@@ -541,7 +546,8 @@ impl<'s> Search<'s> {
     }
 
     fn end(mut self, stability: Stability) -> Result<Equilibrium> {
-        let inertia = self.inertia()?;
+        let is_at_rest = !matches!(stability, Stability::None | Stability::NotConverged);
+        let inertia = self.inertia(is_at_rest)?;
         Ok(self.ended(stability, inertia))
     }
 

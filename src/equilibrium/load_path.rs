@@ -18,6 +18,7 @@ use crate::assembly::SymmetricMatrix;
 use crate::error::{Invalid, Result};
 use crate::integrate::Matrices;
 use crate::linear::{Ldlt, dot, norm};
+use crate::operator::LinearOperator;
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use faer::Par;
@@ -68,6 +69,9 @@ pub struct LoadPath {
 /// Width of the interval to which critical factors are located, and the largest number of them between two steps.
 const LOCATED: f64 = 4e-9;
 const CRITICAL: usize = 20;
+
+/// Secants to the load at which an eigenvalue is zero: some four are needed.
+const SECANTS: usize = 10;
 
 /// Residual of the equilibria: well below LOCATED, so that none is found beyond a limit point by what its force leaves over.
 const TOLERANCE: f64 = 1e-12;
@@ -206,15 +210,31 @@ impl Path<'_> {
         if !jumped && !changes(&low.1, &high.1) {
             return Ok(None);
         }
-        let direction = self.softest(&low.1.state)?;
+        let mut factor_found = 0.5 * (low.0 + high.0);
+        let (mut value, mut direction) = self.softest(&low.1.state)?;
+        let mut state = low.1.state;
+        if !jumped {
+            // The inertia changes where the eigenvalue is below the band of zeros; the load at which it is zero, by secants.
+            let mut other = low.0 - 1e-3 * (low.0 - factor);
+            for _ in 0..SECANTS {
+                let found = self.at(other, &state)?.state;
+                let (there, its) = self.softest(&found)?;
+                let next = other - there * (other - factor_found) / (there - value);
+                let is_done = (next - other).abs() <= LOCATED;
+                (factor_found, value, state, direction) = (other, there, found, its);
+                if !(factor..=high.0).contains(&next) || is_done {
+                    break;
+                }
+                other = next;
+            }
+        }
         let along = dot(&direction, &self.load).abs() / norm(&self.load);
         let kind = if jumped || along > 1e-3 { CriticalKind::LimitPoint } else { CriticalKind::Bifurcation };
-        let factor = 0.5 * (low.0 + high.0);
-        Ok(Some((CriticalLoad { factor, kind, direction, state: low.1.state }, high.0, high.1)))
+        Ok(Some((CriticalLoad { factor: factor_found, kind, direction, state }, high.0, high.1)))
     }
 
-    /// The eigenvector of the eigenvalue of −K nearest to zero, by inverse iteration.
-    fn softest(&self, state: &State) -> Result<Vec<f64>> {
+    /// The eigenvalue of −K nearest to zero, in N/m, and its eigenvector, by inverse iteration.
+    fn softest(&self, state: &State) -> Result<(f64, Vec<f64>)> {
         let a = self.stiffness(state, Stiffness::Full)?;
         let mut direction: Vec<f64> = (0..a.pattern().order()).map(|row| 1.0 + 0.5 * (row as f64).sin()).collect();
         if let Ok(mut factored) = a.ldlt() {
@@ -224,7 +244,9 @@ impl Path<'_> {
                 direction.iter_mut().for_each(|u| *u /= length);
             }
         }
-        Ok(direction)
+        let mut product = vec![0.0; direction.len()];
+        a.apply(&direction, &mut product);
+        Ok((dot(&direction, &product), direction))
     }
 
     /// The smallest λ up to 1e6 at which `K_a + λ K_g` is singular.
