@@ -19,6 +19,8 @@
 //! The damping of springs that end in a moving prescribed particle is counted elsewhere (`integrate::monitor::work`): their rates
 //! jump at kinks of the path.
 //!
+//! A slack tension-only spring has no damping: `b ∫ ċ² dt` with `c = max(l, l0)` takes the place of the integral over r.
+//!
 //! Sums are made slot by slot of a batch and block by block, so that they have the same bits for any number of threads.
 
 use super::DegenerateSpring;
@@ -93,6 +95,8 @@ struct Batch {
     damping: List,
     /// The longest step that resolves each spring, in s.
     resolved: List,
+    /// Tension-only springs that are slack.
+    is_slack: [bool; BATCH],
 }
 
 struct Block {
@@ -252,6 +256,7 @@ impl Step<'_> {
                         }
                         if system.has_spring_law() {
                             step.add_energies(number..number + count, &forces.length, &mut elastic);
+                            batch.hold_slack(&step, number..number + count, &mut forces);
                         } else {
                             batch.add_energies(&forces, &mut elastic);
                         }
@@ -284,6 +289,20 @@ impl Batch {
         for (slot, elastic) in elastic.iter_mut().enumerate() {
             let change = now.length[slot] - now.rest_length[slot];
             *elastic += 0.5 * self.stiffness[slot] * change * change;
+        }
+    }
+
+    /// Slack tension-only springs keep their rest length, so that only the taut part of a step dissipates.
+    fn hold_slack(&mut self, step: &Step, springs: Range<usize>, now: &mut Forces) {
+        for (slot, number) in springs.enumerate() {
+            let Some(rest_length) = step.system.slack_length(number, step.at.time) else { continue };
+            let was_slack = std::mem::replace(&mut self.is_slack[slot], now.length[slot] <= rest_length);
+            if was_slack {
+                self.length[slot] = rest_length;
+            }
+            if self.is_slack[slot] {
+                (now.length[slot], now.product[slot]) = (rest_length, 0.0);
+            }
         }
     }
 

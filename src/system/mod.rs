@@ -188,6 +188,11 @@ impl System {
         }
     }
 
+    /// The length below which a tension-only spring is slack, in m; `None` for other springs.
+    pub(crate) fn slack_length(&self, number: usize, time: f64) -> Option<f64> {
+        self.behaviour.is_tension_only(number).then(|| self.spring_then(number, time).rest_length)
+    }
+
     /// The parameters of all springs, those between prescribed particles included; see [`spring_at`](Self::spring_at).
     pub fn springs_at(&self, at: &StateView<'_>) -> Vec<Spring> {
         let law = self.law_values(at.positions, at.time);

@@ -3,7 +3,7 @@
 use super::{BLOCK, SpringEnergies, SpringSums, resolved_step};
 use crate::spring::{Spring, SpringLaw, Tension};
 use crate::system::fixtures::in_parts;
-use crate::system::{State, System, SystemBuilder};
+use crate::system::{Behaviour, State, System, SystemBuilder};
 use nalgebra::Vector3;
 
 /// Two particles on the x axis, joined by a spring of given damping.
@@ -51,6 +51,22 @@ fn unresolved_springs_dissipate_what_is_certain() {
         let sums = springs.enter(&at(&start, 1.05, -0.2), h);
         assert_eq!(sums.dissipated > sums.certain, is_resolved, "{h}");
     }
+}
+
+/// A slack tension-only spring dissipates nothing, and in a step through its rest length of a half the taut part alone: that
+/// it lengthens or shortens from a half to x takes at least b (x − ½)²/h.
+#[test]
+fn slack_springs_dissipate_nothing() {
+    let (system, start) = pair(0.7);
+    let system = system.with_behaviour(Behaviour { tension_only: vec![true], ..Behaviour::default() }).unwrap();
+    let h = 0.02;
+    let mut springs = SpringEnergies::new(&system, &at(&start, 0.3, -1.0), std::iter::empty());
+    assert_eq!(springs.enter(&at(&start, 0.28, -1.0), h), SpringSums::default());
+    for x in [0.6, 0.2] {
+        let sums = springs.enter(&at(&start, x, 9.0), h);
+        approx::assert_relative_eq!(sums.certain, 0.7 * 0.1 * 0.1 / h, max_relative = 1e-9);
+    }
+    assert_eq!(springs.enter(&at(&start, 0.4, -1.0), h), SpringSums::default());
 }
 
 /// Springs that are harder by a newton a metre than the one before, from half a metre on.
