@@ -88,6 +88,9 @@ impl Summary {
             Verdict::Unconfirmed(_) => (Status::Unconfirmed, ErrorKind::Indicator),
             Verdict::Interrupted => (Status::Interrupted, ErrorKind::Indicator),
         };
+        let warnings = found.warnings(accuracy);
+        // The verdict is the first of them.
+        let message = warnings.first().filter(|_| status != Status::Completed);
         Self {
             scene,
             status,
@@ -110,10 +113,10 @@ impl Summary {
             factor: solver.factor,
             energy,
             error: estimated_error.map(|estimate| ErrorReport { estimate, kind }),
-            warnings: found.warnings(accuracy),
+            failure: message.map(|why| FailureReport { step: *steps, time: state.time, message: why.clone() }),
+            warnings,
             effort: Effort { run: found.cost, total: found.total_cost },
             choice: Some(ChoiceReport::of_answer(found, accuracy, found.reason(accuracy))),
-            failure: None,
         }
     }
 }
@@ -280,9 +283,9 @@ pub struct Effort {
 /// The failure that ended a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FailureReport {
-    /// The failed step, from 1.
+    /// The failed step, from 1; of an answer that is not confirmed, the last.
     pub step: u64,
-    /// The time at its start, in s.
+    /// The time of the last good state, in s.
     pub time: f64,
     /// The reason.
     pub message: String,
@@ -321,7 +324,7 @@ mod tests {
         assert_eq!(report, Some(FailureReport { step: 11, time: 2.5, message: "asked to stop".into() }));
     }
 
-    /// Adaptive steps report their mean length, fixed steps their length.
+    /// Adaptive steps report their mean length, fixed steps their length; an answer that is not confirmed says why.
     #[test]
     fn answers_have_a_step() {
         let (system, start) = oscillator();
@@ -335,11 +338,14 @@ mod tests {
                 stiffness: None,
                 solver: None,
             };
-            let found = run_to_accuracy(&system, &start, &options, &mut (), &|| true).unwrap().unwrap();
+            let mut found = run_to_accuracy(&system, &start, &options, &mut (), &|| true).unwrap().unwrap();
             let energy = EnergyChange { initial: 0.0, last: 0.0, balance: Default::default() };
             let summary = Summary::of_answer("s".into(), &system, &found, &options, energy, 0.0);
-            assert!(summary.steps > 2);
+            assert!(summary.steps > 2 && summary.failure.is_none());
             assert!((summary.dt * summary.steps as f64 - 3.0).abs() < 1e-12, "{} s", summary.dt);
+            found.verdict = Verdict::Interrupted;
+            let failure = Summary::of_answer("s".into(), &system, &found, &options, energy, 0.0).failure.unwrap();
+            assert!(failure.step == summary.steps && failure.message.starts_with("interrupted"), "{failure:?}");
         }
     }
 }
