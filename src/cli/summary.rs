@@ -89,8 +89,7 @@ impl SummaryText<'_> {
         line("energy", format!("{} J at the start, {} J at the end", number(energy.initial), number(energy.last)))?;
         let Balance { work, dissipated, imbalance } = energy.balance;
         let [work, dissipated, imbalance] = [work, dissipated, imbalance].map(number);
-        let text =
-            format!("{work} J of work by moving constraints, {dissipated} J dissipated, {imbalance} J unexplained");
+        let text = format!("{work} J of work from outside, {dissipated} J dissipated, {imbalance} J unexplained");
         line("balance", text)
     }
 }

@@ -151,26 +151,6 @@ pub fn add_force_rate(system: &System, extensions: &SpringGeometry, at: &StateVi
     }
 }
 
-/// The power of actuation, in W: `Σ −½ k (l² − l0²)/l0² · l0'`, the rate of the elastic energy at fixed positions.
-pub fn actuation_power(system: &System, at: &StateView<'_>) -> f64 {
-    if system.behaviour().actuation.is_empty() {
-        return 0.0;
-    }
-    let law = system.law_values(at.positions, at.time);
-    let power = |(number, &[i, j]): (usize, &[u32; 2])| {
-        if !system.owns_spring(number) {
-            return None;
-        }
-        let [factor, slope] = system.actuation(number, at.time)?;
-        let length = (at.positions[i as usize] - at.positions[j as usize]).norm();
-        let spring = system.spring_with(&law, number, length, at.time);
-        let ratio = length / spring.gauge_length();
-        Some(-0.5 * spring.stiffness * (ratio * ratio - 1.0) * system.springs()[number].rest_length * slope)
-            .filter(|_| factor > 0.0)
-    };
-    system.pairs().iter().enumerate().filter_map(power).sum()
-}
-
 /// Adds all external forces, [loads](crate::system::Loads) included.
 pub fn add_external_forces(system: &System, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
     system.loads().add(system.masses(), at, force);

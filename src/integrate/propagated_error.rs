@@ -25,8 +25,8 @@
 //! **Saturation.** Two motions differ by no more than their size: beyond twice the extent of the scene e grows no further.
 
 use super::adaptive::norm_of_all;
-use crate::force::SpringGeometry;
-use crate::system::{Axes, State, System};
+use crate::force::{SpringGeometry, add_force_rate};
+use crate::system::{Axes, State, StateView, System};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -178,6 +178,30 @@ impl PropagatedError {
     /// λ, the forces that linearised steps left out over those that they balanced; zero for methods that solve their equations.
     pub fn left_out(&self) -> f64 {
         if self.balanced > 0.0 { self.left_out / self.balanced } else { 0.0 }
+    }
+
+    /// Changes ā and j of the last step, where the next one of h seconds from a state begins at a kink of gravity or rest lengths, to
+    /// those of a past in which forces have always changed as they do from now on: with the jump Δj of the jerk `M⁻¹ ∂f/∂t`, by
+    /// `−½ h₋ Δj` and Δj.
+    pub(super) fn pass_load_kinks(&mut self, system: &System, from: &State, h: f64) {
+        let [last, _] = self.lengths;
+        let [before, after] = [from.time - 0.5 * last, from.time + 0.5 * h];
+        let kinks = system.prescribed().load_kinks();
+        let is_smooth = kinks.partition_point(|&kink| kink <= before) == kinks.partition_point(|&kink| kink <= after);
+        if last == 0.0 || is_smooth {
+            return;
+        }
+        let Ok(extensions) = SpringGeometry::at(system, from) else { return };
+        let [old, new] = [before, after].map(|time| {
+            let mut rate = vec![Vector3::zeros(); system.particles()];
+            add_force_rate(system, &extensions, &StateView { time, ..from.moment() }, &mut rate);
+            rate
+        });
+        for (p, mass) in system.masses().iter().enumerate() {
+            let jump = (new[p] - old[p]) / *mass;
+            self.mean_acceleration[p] -= jump * (0.5 * last);
+            self.jerk[p] += jump;
+        }
     }
 
     /// Sets δ to the leading term of a method's local error in a step.

@@ -170,10 +170,16 @@ impl Prescribed {
         self
     }
 
-    /// Adds times at which gravity or rest lengths have kinks.
-    pub(super) fn add_kinks(&mut self, times: &[f64]) {
-        self.kinks.extend_from_slice(times);
-        self.kinks.sort_by(f64::total_cmp);
+    /// Sets the times at which gravity or rest lengths have kinks.
+    pub(super) fn set_load_kinks(&mut self, mut times: Vec<f64>) {
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        self.kinks = times;
+    }
+
+    /// The times of the kinks of gravity and rest lengths, ascending, in s.
+    pub fn load_kinks(&self) -> &[f64] {
+        &self.kinks
     }
 
     /// True if any prescribed coordinate moves.

@@ -90,10 +90,9 @@ impl System {
         loads.check(self.particles(), self.dimension)?;
         if let Some(gravity) = &loads.gravity {
             self.gravity = gravity.at(0.0);
-            self.prescribed.add_kinks(&gravity.times);
         }
         self.loads = Arc::new(loads);
-        Ok(self)
+        Ok(self.with_load_kinks())
     }
 
     /// The system with this behaviour of its springs in place of its own.
@@ -102,11 +101,18 @@ impl System {
     /// [`Invalid`](crate::error::Invalid) for the first value that breaks a rule of the scene format, with its key and index.
     pub fn with_behaviour(mut self, behaviour: Behaviour) -> Result<Self> {
         behaviour.check(&self.springs)?;
-        behaviour.actuation.iter().for_each(|entry| self.prescribed.add_kinks(&entry.factors.times));
         self.actuated = Arc::new(behaviour.actuation_indices(self.springs.len()));
         self.has_special_springs = behaviour.has_special(&self.springs);
         self.behaviour = Arc::new(behaviour);
-        Ok(self)
+        Ok(self.with_load_kinks())
+    }
+
+    fn with_load_kinks(mut self) -> Self {
+        let gravity = self.loads.gravity.iter().flat_map(|curve| &curve.times);
+        let lengths = self.behaviour.actuation.iter().flat_map(|entry| &entry.factors.times);
+        let times = gravity.chain(lengths).copied().collect();
+        self.prescribed.set_load_kinks(times);
+        self
     }
 
     /// Constant loads, drag and gravity in time.
@@ -127,6 +133,11 @@ impl System {
     /// True if there are loads or other external forces.
     pub fn has_external_forces(&self) -> bool {
         !self.external.is_empty() || !self.loads.is_empty()
+    }
+
+    /// True if forces other than those of springs may depend on time.
+    pub(crate) fn has_forces_in_time(&self) -> bool {
+        self.loads.gravity.is_some() || !self.external.is_empty()
     }
 
     /// True if external forces enter the matrices.
@@ -157,7 +168,7 @@ impl System {
 
     /// A spring with its rest length at a time.
     #[inline]
-    fn spring_then(&self, number: usize, time: f64) -> Spring {
+    pub(crate) fn spring_then(&self, number: usize, time: f64) -> Spring {
         let spring = self.springs[number];
         match self.actuation(number, time) {
             None => spring,
@@ -204,13 +215,19 @@ impl System {
 
     /// The values of a law that is evaluated for all springs at once; otherwise empty.
     pub(crate) fn law_values(&self, positions: &[Vector3<f64>], time: f64) -> LawValues {
-        let Some(law) = &self.law else { return LawValues::default() };
-        if !law.is_asked_at_once() {
-            return LawValues::default();
-        }
-        let springs: Vec<Spring> = (0..self.springs.len()).map(|number| self.spring_then(number, time)).collect();
-        let length = |&[i, j]: &[u32; 2]| Extension::between(&positions[i as usize], &positions[j as usize]);
-        let lengths: Vec<f64> = self.pairs.iter().map(|pair| length(pair).map_or(0.0, |at| at.length)).collect();
+        let length = |number: usize| {
+            let [i, j] = self.pair(number);
+            Extension::between(&positions[i], &positions[j]).map_or(0.0, |at| at.length)
+        };
+        self.law_values_of(length, time)
+    }
+
+    /// As [`law_values`](Self::law_values), from the length of each spring.
+    pub(crate) fn law_values_of(&self, length: impl Fn(usize) -> f64, time: f64) -> LawValues {
+        let Some(law) = self.law.as_ref().filter(|law| law.is_asked_at_once()) else { return LawValues::default() };
+        let numbers = 0..self.springs.len();
+        let springs: Vec<Spring> = numbers.clone().map(|number| self.spring_then(number, time)).collect();
+        let lengths: Vec<f64> = numbers.map(length).collect();
         LawValues::of(&**law, &springs, &lengths)
     }
 
@@ -229,11 +246,13 @@ impl System {
 
     /// As [`elastic_energy`](Self::elastic_energy), with the law values of this configuration.
     pub(crate) fn elastic_energy_with(&self, values: &LawValues, number: usize, at: &Extension, time: f64) -> f64 {
-        let spring = self.spring_then(number, time);
+        self.elastic_energy_of(values, number, &self.spring_then(number, time), at)
+    }
+
+    /// The elastic energy of a spring with these parameters, in J.
+    pub(crate) fn elastic_energy_of(&self, values: &LawValues, number: usize, spring: &Spring, at: &Extension) -> f64 {
         match &self.law {
-            Some(law) => {
-                values.get(number).map_or_else(|| law.energy(number, &spring, at.length), |value| value.energy)
-            }
+            Some(law) => values.get(number).map_or_else(|| law.energy(number, spring, at.length), |value| value.energy),
             None if self.behaviour.is_tension_only(number) && at.length < spring.rest_length => 0.0,
             None => spring.elastic_energy(at),
         }

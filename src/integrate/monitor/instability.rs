@@ -5,8 +5,11 @@
 //!
 //! ```text
 //! I = K + P − W + D − (K₀ + P₀) ≤ 0        for every passive motion,
-//! S = K₀ + max(P₀ − P) + (max W − min W)     the energy that the motion has exchanged so far.
+//! S = K₀ + max(P₀ − P) + (max W − min W) + L  the energy that the motion has exchanged so far,
 //! ```
+//!
+//! with `L = h² Σ (f − f₀)²/(2m)`, the most that loads which have changed from f₀ to f give particles at rest in one of the steps: a
+//! method may take a short pulse at one end of a step, and the way at the other.
 //!
 //! A method that dissipates takes I below zero, so growth is measured from the lowest I so far. It is never exactly zero:
 //! symplectic Euler lets the energy swing between `1/(1 + hω/2)` and `1/(1 − hω/2)` times its mean, by `hω/(1 − h²ω²/4)` of it:
@@ -29,7 +32,7 @@
 use super::energy_balance::{EnergyBalance, Free};
 use crate::force::set_other_forces;
 use crate::integrate::StepFailure;
-use crate::system::{State, System};
+use crate::system::{State, StateView, System};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -76,6 +79,9 @@ pub(super) struct GrowthRecord {
     /// `Σ f²/(2m)` of weights and external forces on free coordinates at the start, in J/s²: times h² the energy of a step of
     /// free fall.
     fall: f64,
+    /// L, in J.
+    #[serde(default)]
+    loaded: f64,
     /// Growth that does not count, by the method's own error estimates.
     doubt: f64,
 }
@@ -115,16 +121,27 @@ impl Noise {
     }
 }
 
+/// `Σ (f − f₀)²/(2m)` over free coordinates for weights and external forces f and f₀ at two moments, or without f₀ `Σ f²/(2m)`, in J/s².
+fn fall(system: &System, at: &StateView<'_>, from: Option<&StateView<'_>>) -> f64 {
+    let forces = |at: &StateView<'_>| {
+        let mut force = vec![Vector3::zeros(); system.particles()];
+        set_other_forces(system, at, &mut force);
+        force
+    };
+    let (mut force, from) = (forces(at), from.map(forces));
+    force.iter_mut().zip(from.iter().flatten()).for_each(|(f, from)| *f -= from);
+    let of = |p: usize| 0.5 * system.dofs().free_axes(p).project(&force[p]).norm_squared() / system.masses()[p];
+    let [sum] = system.total([(0..system.own_particles()).map(of).sum()]);
+    sum
+}
+
 impl GrowthRecord {
     pub fn new(system: &System, balance: &EnergyBalance, state: &State) -> Self {
         let own = 0..system.own_particles();
-        let mut force = vec![Vector3::zeros(); system.particles()];
-        set_other_forces(system, &state.moment(), &mut force);
-        let fall = |p: usize| 0.5 * system.dofs().free_axes(p).project(&force[p]).norm_squared() / system.masses()[p];
         let springs = system.springs().iter().enumerate().filter(|(spring, _)| system.owns_spring(*spring));
         let stiffness: f64 = springs.map(|(_, spring)| spring.axial_stiffness()).sum();
         let mass = system.masses()[own.clone()].iter().sum();
-        let [stiffness, mass, fall] = system.total([stiffness, mass, own.clone().map(fall).sum()]);
+        let [stiffness, mass] = system.total([stiffness, mass]);
         let [largest] = system.largest([state.positions[own].iter().map(|x| x.norm()).fold(0.0, f64::max)]);
         let half = 0.5 * (NOISE * largest) * (NOISE * largest);
         let start = balance.free();
@@ -138,14 +155,21 @@ impl GrowthRecord {
             noise: Noise { elastic: half * stiffness, inertia: half * mass },
             sums: (system.particles() + system.springs().len()) as f64 * f64::EPSILON,
             stored: start.kinetic + balance.energy.elastic,
-            fall,
+            fall: fall(system, &state.moment(), None),
+            loaded: 0.0,
             doubt: 0.0,
         }
     }
 
+    /// Enters the loads at a time, after a step of dt seconds, on the scene as it was at the start.
+    pub fn load(&mut self, system: &System, start: &State, time: f64, dt: f64) {
+        let (from, at) = (start.moment(), StateView { time, ..start.moment() });
+        self.loaded = self.loaded.max(dt * dt * fall(system, &at, Some(&from)));
+    }
+
     /// S, in J.
     pub fn exchanged(&self) -> f64 {
-        self.start.kinetic + self.released + (self.work[1] - self.work[0])
+        self.start.kinetic + self.released + (self.work[1] - self.work[0]) + self.loaded
     }
 
     /// The next step may err by so much energy, in J.

@@ -11,6 +11,7 @@
 mod energy_balance;
 mod indicators;
 mod instability;
+mod load_work;
 mod work;
 
 pub use energy_balance::Balance;
@@ -23,7 +24,6 @@ use crate::memory;
 use crate::system::{State, System, extent};
 use energy_balance::{EnergyBalance, ParticleSums};
 use instability::{GrowthRecord, SavedState};
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use work::Work;
 
@@ -98,8 +98,8 @@ pub struct Monitor<'s> {
     last: State,
     /// Time and balance of the state before.
     before: (f64, Balance),
-    /// Positions at the start of the run.
-    start: Vec<Vector3<f64>>,
+    /// The state at the start of the run.
+    start: State,
 }
 
 impl<'s> Monitor<'s> {
@@ -136,7 +136,7 @@ impl<'s> Monitor<'s> {
             saved: SavedState { steps: 0, state: state.clone(), balance },
             last: state.clone(),
             before: (state.time, balance.balance()),
-            start: state.positions.clone(),
+            start: state.clone(),
         })
     }
 
@@ -153,7 +153,7 @@ impl<'s> Monitor<'s> {
     ) -> Result<Self> {
         start.check(system)?;
         let mut monitor = Self::new(system, state, options)?;
-        monitor.start.clone_from(&start.positions);
+        monitor.start.copy_from(start);
         monitor.record = account.clone();
         monitor.record.error.take_if(|error| !error.fits(system));
         (monitor.saved.steps, monitor.saved.balance) = (steps, account.balance);
@@ -184,6 +184,9 @@ impl<'s> Monitor<'s> {
         let MonitorCheckpoint { balance, growth, steps: done, duration, .. } = &mut self.record;
         *done += 1;
         *duration += dt;
+        if self.system.has_forces_in_time() {
+            growth.load(self.system, &self.start, state.time, dt);
+        }
         let (is_calm, grown) = growth.enter(balance, dt);
         if is_calm {
             self.saved.update(steps, state, balance);
@@ -198,12 +201,13 @@ impl<'s> Monitor<'s> {
     pub(super) fn propagate(&mut self, stepper: &mut (impl TimeStepper + ?Sized), state: &State, dt: f64) {
         let Self { system, record: MonitorCheckpoint { error, predictable_until, .. }, last, options, .. } = self;
         let Some(known) = error else { return };
+        known.pass_load_kinks(system, last, dt);
         let step = CompletedStep { before: last, after: state, length: dt };
         if !stepper.propagate(known, &step) {
             *error = None;
             return;
         }
-        let extent = extent(Some(system), &state.positions, &self.start);
+        let extent = extent(Some(system), &state.positions, &self.start.positions);
         known.saturate(system, extent);
         let threshold = options.threshold.unwrap_or(INACCURATE);
         if predictable_until.is_none() && known.norm(system) > threshold * extent {
@@ -282,7 +286,7 @@ impl<'s> Monitor<'s> {
     /// The indicators of accuracy at a state, ordinarily the last.
     pub fn indicators(&self, state: &State) -> ErrorIndicators {
         let MonitorCheckpoint { growth, steps, error, predictable_until, .. } = &self.record;
-        let extent = extent(Some(self.system), &state.positions, &self.start);
+        let extent = extent(Some(self.system), &state.positions, &self.start.positions);
         let error = error.as_ref().filter(|_| *steps > 0);
         ErrorIndicators {
             extent,

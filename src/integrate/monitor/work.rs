@@ -1,4 +1,4 @@
-//! The work of moving constraints, of external forces, and of springs that change their rest lengths.
+//! The work of moving constraints, of springs that change their rest lengths, and of loads (`load_work`).
 //!
 //! A prescribed coordinate c that moves has an equation of its own, the row that the system leaves out: `f_c = m a_c − F_c` is
 //! the force that makes it move, F_c those of springs and weight. Its work `∫ f_c v_c dt` is the change of
@@ -17,11 +17,19 @@
 //! in the terms of `force::spring_energies`, both to fourth order. Where a step does not resolve a spring's own motion the corrections are left
 //! out: `b h r̄ ḡ` goes with the dissipation `b h r̄²`.
 //!
-//! External forces do the work `Σ (f + f')·(x' − x)/2` in a step from x to x', to second order; the power that actuated springs
-//! take up is integrated by the trapezoidal rule.
+//! A spring with the elastic energy U(l, t) whose rest length changes takes up `∫ ∂U/∂t dt`. While its length stays that is a
+//! difference of energies, however fast the rest length changes, and so with the mean of both ends
+//!
+//! ```text
+//! W(t, t') = ½ (U(l, t') − U(l, t) + U(l', t') − U(l', t))
+//! ```
+//!
+//! is right to second order. With the length l_m in the middle, by the cubic Hermite polynomial where the step resolves the spring,
+//! `(4 (W(t, t_m) + W(t_m, t')) − W(t, t'))/3` is right to fourth.
 
-use crate::force::{RateParabola, SpringSums, actuation_power, add_external_forces, resolved_step};
-use crate::spring::LawValues;
+use super::load_work::LoadWork;
+use crate::force::{RateParabola, SpringSums, resolved_step};
+use crate::spring::{Extension, LawValues};
 use crate::system::{Dof, Motion, State, System};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -39,7 +47,7 @@ impl BodyEnergy {
     }
 }
 
-/// All moving prescribed coordinates and their springs, the external forces and the actuation.
+/// All moving prescribed coordinates and their springs, the loads and the actuated springs.
 pub(super) struct Work<'s> {
     system: &'s System,
     /// The moving prescribed coordinates.
@@ -50,10 +58,9 @@ pub(super) struct Work<'s> {
     driven: Vec<(usize, f64)>,
     /// The values of the law at the last state, where it gives those of all springs at once.
     law: LawValues,
-    /// External forces at the last state, and room for those at the next.
-    external: Option<[Vec<Vector3<f64>>; 2]>,
-    /// The power that actuated springs take up, in W.
-    actuation: f64,
+    loads: LoadWork<'s>,
+    /// The springs whose rest lengths change, each with the longest step that resolves it, in s.
+    actuated: Vec<(usize, f64)>,
 }
 
 impl<'s> Work<'s> {
@@ -64,18 +71,14 @@ impl<'s> Work<'s> {
         let mut velocities = vec![[None; 3]; if moving.is_empty() { 0 } else { system.particles() }];
         moving.iter().for_each(|dof| velocities[dof.particle][dof.axis] = Some(0.0));
         let moves = |p: usize| velocities.get(p).is_some_and(|axes| axes.iter().any(Option::is_some));
-        let driven: Vec<_> = (0..system.pairs().len())
-            .filter(|&spring| system.owns_spring(spring) && system.pair(spring).into_iter().any(moves))
-            .map(|spring| (spring, resolved_step(system, spring)))
-            .collect();
-        let external = system.has_external_forces().then(|| {
-            let mut force = vec![Vector3::zeros(); system.particles()];
-            let room = force.clone();
-            add_external_forces(system, &state.moment(), &mut force);
-            [force, room]
-        });
-        let actuation = actuation_power(system, &state.moment());
-        let mut work = Self { system, moving, velocities, driven, law: LawValues::default(), external, actuation };
+        let springs = |counts: &dyn Fn(usize) -> bool| -> Vec<(usize, f64)> {
+            let own = (0..system.pairs().len()).filter(|&spring| system.owns_spring(spring) && counts(spring));
+            own.map(|spring| (spring, resolved_step(system, spring))).collect()
+        };
+        let driven = springs(&|spring| system.pair(spring).into_iter().any(moves));
+        let actuated = springs(&|spring| system.actuation(spring, 0.0).is_some());
+        let loads = LoadWork::new(system, state);
+        let mut work = Self { system, moving, velocities, driven, law: LawValues::default(), loads, actuated };
         work.law = work.law_at(state);
         work
     }
@@ -104,55 +107,85 @@ impl<'s> Work<'s> {
         BodyEnergy { kinetic, gravitational }
     }
 
-    /// Moves on from a state to another after a step of dt seconds: the work in the step, and the dissipation of driven springs.
+    /// Moves on from a state to another after a step of dt seconds: the work in the step, and the dissipation of driven springs and
+    /// of drag.
     pub fn enter(&mut self, before: &State, after: &State, dt: f64) -> SpringSums {
-        let mut sums = self.constraints([before, after], dt);
-        sums.work += self.external_forces([before, after]);
-        let power = actuation_power(self.system, &after.moment());
-        sums.work += 0.5 * (self.actuation + power) * dt;
-        self.actuation = power;
+        let states = [before, after];
+        for &Dof { particle, axis } in &self.moving {
+            let [from, to] = states.map(|state| state.positions[particle][axis]);
+            self.velocities[particle][axis] = Some((to - from) / dt);
+        }
+        let mut sums = self.constraints(states, dt).add(&self.loads.enter(states, dt));
+        sums.work += self.actuation(states, dt);
         sums
+    }
+
+    /// The velocity of a particle with those of its moving coordinates in the step in place of their own.
+    fn within(&self, p: usize, v: &Vector3<f64>) -> Vector3<f64> {
+        self.velocities.get(p).map_or(*v, |known| Vector3::from_fn(|axis, _| known[axis].unwrap_or(v[axis])))
+    }
+
+    /// A spring at both ends of the step.
+    fn ends(&self, number: usize, states: [&State; 2]) -> [End; 2] {
+        let [i, j] = self.system.pair(number);
+        states.map(|State { positions: x, velocities: v, .. }| {
+            End::new(&(x[i] - x[j]), &(self.within(i, &v[i]) - self.within(j, &v[j])))
+        })
     }
 
     fn constraints(&mut self, states: [&State; 2], dt: f64) -> SpringSums {
         let law = self.law_at(states[1]);
         let before = std::mem::replace(&mut self.law, law);
-        let Self { system, moving, velocities, driven, law, .. } = self;
-        let (laws, time) = ([&before, law], states[1].time);
-        for &Dof { particle, axis } in &*moving {
-            let [from, to] = states.map(|state| state.positions[particle][axis]);
-            velocities[particle][axis] = Some((to - from) / dt);
-        }
-        let within = |p: usize, v: &Vector3<f64>| Vector3::from_fn(|axis, _| velocities[p][axis].unwrap_or(v[axis]));
+        let (system, laws) = (self.system, [&before, &self.law]);
+        let zero = Vector3::zeros();
         let mut sums = SpringSums::default();
-        for &(number, resolved) in &*driven {
+        for &(number, resolved) in &self.driven {
             let [i, j] = system.pair(number);
-            let relative = |vi: &Vector3<f64>, vj: &Vector3<f64>| within(i, vi) - within(j, vj);
-            let ends = states
-                .map(|State { positions: x, velocities: v, .. }| End::new(&(x[i] - x[j]), &relative(&v[i], &v[j])));
-            let springs = [0, 1].map(|end: usize| system.spring_with(laws[end], number, ends[end].length, time));
+            let ends = self.ends(number, states);
+            let at = |end: usize| system.spring_with(laws[end], number, ends[end].length, states[end].time);
+            let springs = [at(0), at(1)];
+            let factors = states.map(|state| system.actuation(number, state.time).map_or(1.0, |[factor, _]| factor));
             let force = [0, 1].map(|end: usize| {
                 let (stiffness, End { length, rate, .. }) = (springs[end].axial_stiffness(), ends[end]);
-                (stiffness * (length - springs[end].rest_length), stiffness * rate)
+                let lengthened = length * (factors[1] - factors[0]) / (dt * factors[end]);
+                (stiffness * (length - springs[end].rest_length), stiffness * (rate - lengthened))
             });
-            let u = relative(&Vector3::zeros(), &Vector3::zeros());
+            let u = self.within(i, &zero) - self.within(j, &zero);
             sums = sums.add(&exchange([dt, resolved], &ends, force, springs[1].damping, &u));
         }
         sums
     }
 
-    /// The work of external forces on free coordinates, in J.
-    fn external_forces(&mut self, [before, after]: [&State; 2]) -> f64 {
-        let Self { system, external: Some([last, next]), .. } = self else { return 0.0 };
-        next.fill(Vector3::zeros());
-        add_external_forces(system, &after.moment(), next);
-        let mut work = 0.0;
-        for p in 0..system.own_particles() {
-            let moved = after.positions[p] - before.positions[p];
-            work += 0.5 * system.dofs().free_axes(p).project(&(next[p] + last[p])).dot(&moved);
+    /// The energy that springs take up because their rest lengths change, in J.
+    fn actuation(&self, states: [&State; 2], dt: f64) -> f64 {
+        if self.actuated.is_empty() {
+            return 0.0;
         }
-        std::mem::swap(last, next);
-        work
+        let [start, end] = states.map(|state| state.time);
+        let times = [start, 0.5 * (start + end), end];
+        let lengths = |number: usize, resolved: f64| {
+            let [first, last] = self.ends(number, states);
+            let bent = if dt <= resolved { dt / 8.0 * (first.rate - last.rate) } else { 0.0 };
+            [first.length, 0.5 * (first.length + last.length) + bent, last.length]
+        };
+        let length = |number: usize, at: usize| lengths(number, resolved_step(self.system, number))[at];
+        let laws = [0, 1, 2].map(|at| times.map(|time| self.system.law_values_of(|number| length(number, at), time)));
+        let work = |&(number, resolved): &(usize, f64)| {
+            let springs = times.map(|time| self.system.spring_then(number, time));
+            if springs[0] == springs[1] && springs[1] == springs[2] {
+                return 0.0;
+            }
+            let lengths = lengths(number, resolved);
+            let energy = |at: usize, then: usize| {
+                let extension = Extension { direction: Vector3::zeros(), length: lengths[at] };
+                self.system.elastic_energy_of(&laws[at][then], number, &springs[then], &extension)
+            };
+            let taken = |from: usize, to: usize| {
+                0.5 * ((energy(from, to) - energy(from, from)) + (energy(to, to) - energy(to, from)))
+            };
+            (4.0 * (taken(0, 1) + taken(1, 2)) - taken(0, 2)) / 3.0
+        };
+        self.actuated.iter().map(work).sum()
     }
 }
 

@@ -2,7 +2,10 @@
 
 use super::work::Work;
 use crate::spring::Spring;
-use crate::system::{Axes, Constraint, ExternalForce, Motion, State, StateView, System, SystemBuilder};
+use crate::system::{
+    Actuation, Axes, Behaviour, Constraint, Curve, ExternalForce, Loads, Motion, State, StateView, System,
+    SystemBuilder,
+};
 use nalgebra::Vector3;
 
 /// A damped spring of 12 N/m between a free particle of 2 kg and one that is led along x at 0.3 m/s, under gravity.
@@ -89,4 +92,102 @@ fn work_is_the_mean_force_times_the_way() {
     assert_eq!(go(&mut state, [[0.5, 0.25, -2.0], [9.0, 9.0, 0.125]]), expected);
     // From there to 5 s, back by half of that.
     assert_eq!(go(&mut state, [[-0.25, -0.125, 1.0], [0.0; 3]]), -4.0 * (0.75 + 0.625 + 4.0));
+}
+
+/// A spring of 6 N and 0.5 m between a free particle of 2 kg and one that is held, whose rest length changes to `factor` of it within a
+/// second.
+fn actuated(factor: f64) -> (System, State) {
+    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+    builder.particle([0.0; 3], 3.0);
+    builder.particle([1.0, 0.0, 0.0], 2.0);
+    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.0 });
+    builder.hold(0);
+    let (system, start) = builder.build().unwrap();
+    let factors = Curve { times: vec![0.0, 1.0], values: vec![1.0, factor] };
+    let actuation = vec![Actuation { springs: vec![0], factors }];
+    (system.with_behaviour(Behaviour { actuation, ..Behaviour::default() }).unwrap(), start)
+}
+
+/// At a length that stays, `½ k (l − l0)²/l0` with l0 of 0.05 m instead of 0.5 m, in a single step; while the length changes, to fourth order.
+#[test]
+fn rest_lengths_that_change_take_up_energy() {
+    let (system, start) = actuated(0.1);
+    let after = State { time: 1.0, ..start.clone() };
+    let work = Work::new(&system, &start).enter(&start, &after, 1.0).work;
+    let expected = 3.0 * (0.95 * 0.95 / 0.05 - 0.25 / 0.5);
+    assert!((work - expected).abs() < 1e-12 * expected, "{work} {expected}");
+
+    let (system, start) = actuated(0.4);
+    let at = |time: f64| {
+        let mut state = State { time, ..start.clone() };
+        state.positions[1].x = 1.0 + 0.3 * (3.0 * time).sin();
+        state.velocities[1].x = 0.9 * (3.0 * time).cos();
+        state
+    };
+    let run = |steps: u32| {
+        let h = 1.0 / f64::from(steps);
+        let mut work = Work::new(&system, &at(0.0));
+        (0..steps).map(|k| work.enter(&at(h * f64::from(k)), &at(h * f64::from(k + 1)), h).work).sum::<f64>()
+    };
+    // ∂U/∂t = −½ k (l²/l0² − 1) l0', by the midpoint rule.
+    let power = |t: f64| {
+        let rest = 0.5 * (1.0 - 0.6 * t);
+        3.0 * ((at(t).positions[1].x / rest).powi(2) - 1.0) * 0.3
+    };
+    let exact = (0..100_000).map(|k| power((f64::from(k) + 0.5) * 1e-5) * 1e-5).sum::<f64>();
+    let errors = [8, 16].map(|steps| (run(steps) - exact).abs());
+    assert!(errors[0] < 2e-3 * exact && errors[1] < errors[0] / 12.0, "{errors:?} of {exact}");
+}
+
+/// Gravity that grows and a velocity that is a parabola in time make `∫ m (g − g(0))·v dt` an integral by hand; an axis that is held, and
+/// constant loads times the way.
+#[test]
+fn gravity_that_changes_works_on_the_way() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 2.0);
+    builder.constrain(Constraint { axes: Axes::of(&[2]), ..Constraint::hold([0]) });
+    let (system, start) = builder.build().unwrap();
+    let values = vec![Vector3::new(0.0, -4.0, 7.0), Vector3::new(0.0, 2.0, 9.0)];
+    let gravity = Some(Curve { times: vec![0.0, 1.0], values });
+    let forces = vec![Vector3::new(5.0, 0.0, 8.0)];
+    let system = system.with_loads(Loads { forces, gravity, ..Loads::default() }).unwrap();
+    let at = |t: f64| {
+        let mut state = State { time: t, ..start.clone() };
+        state.positions[0] = Vector3::new(t, t * (3.0 + t * (-2.0 + t * 5.0)), 0.0);
+        state.velocities[0] = Vector3::new(1.0, 3.0 + t * (-4.0 + t * 15.0), 0.0);
+        state
+    };
+    let (h, mut work) = (0.5, Work::new(&system, &at(0.0)));
+    // ∫ 2·6t (3 − 4t + 15t²) dt, and 5 N along x.
+    let expected = 12.0 * h * h * (1.5 + h * (-4.0 / 3.0 + h * 15.0 / 4.0)) + 5.0 * h;
+    let found = work.enter(&at(0.0), &at(h), h);
+    assert!((found.work - expected).abs() < 1e-13 && found.dissipated == 0.0, "{found:?} {expected}");
+}
+
+/// Drag takes `∫ c v² dt`, which a parabola makes an integral by hand, where the step resolves `m/c`; what it takes from a coordinate that is
+/// moved is work of the constraint.
+#[test]
+fn drag_dissipates() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 2.0);
+    let motion = Motion::Velocity(Vector3::new(0.0, 3.0, 0.0));
+    builder.constrain(Constraint { particles: vec![0], axes: Axes::of(&[1]), motion });
+    let (system, start) = builder.build().unwrap();
+    let system = system.with_loads(Loads { drag: vec![4.0], ..Loads::default() }).unwrap();
+    let at = |t: f64| {
+        let mut state = State { time: t, ..start.clone() };
+        state.positions[0] = Vector3::new(t * (1.0 + t * (-1.0 + t * 2.0)), 3.0 * t, 0.0);
+        state.velocities[0] = Vector3::new(1.0 + t * (-2.0 + t * 6.0), 3.0, 0.0);
+        state
+    };
+    for (h, is_resolved) in [(0.5, true), (0.51, false)] {
+        let found = Work::new(&system, &at(0.0)).enter(&at(0.0), &at(h), h);
+        // ∫ (1 − 2t + 6t²)² dt, and of the mean velocity alone.
+        let squares = h * (1.0 + h * (-2.0 + h * (16.0 / 3.0 + h * (-6.0 + h * 36.0 / 5.0))));
+        let mean = 1.0 + h * (-1.0 + h * 2.0);
+        let [least, all] = [h * mean * mean, squares].map(|sum| 4.0 * sum + 36.0 * h);
+        let dissipated = if is_resolved { all } else { least };
+        assert!((found.work - 36.0 * h).abs() < 1e-12 && (found.certain - least).abs() < 1e-12, "{found:?}");
+        assert!((found.dissipated - dissipated).abs() < 1e-12, "{found:?} {dissipated}");
+    }
 }
