@@ -170,10 +170,10 @@ impl Prescribed {
         self
     }
 
-    /// Adds times at which gravity or rest lengths have kinks.
-    pub(super) fn add_kinks(&mut self, times: &[f64]) {
-        self.kinks.extend_from_slice(times);
-        self.kinks.sort_by(f64::total_cmp);
+    /// Sets the times at which gravity or rest lengths have kinks.
+    pub(super) fn set_kinks(&mut self, mut times: Vec<f64>) {
+        times.sort_by(f64::total_cmp);
+        self.kinks = times;
     }
 
     /// True if any prescribed coordinate moves.

@@ -90,9 +90,9 @@ impl System {
         loads.check(self.particles(), self.dimension)?;
         if let Some(gravity) = &loads.gravity {
             self.gravity = gravity.at(0.0);
-            self.prescribed.add_kinks(&gravity.times);
         }
         self.loads = Arc::new(loads);
+        self.set_kinks();
         Ok(self)
     }
 
@@ -102,11 +102,18 @@ impl System {
     /// [`Invalid`](crate::error::Invalid) for the first value that breaks a rule of the scene format, with its key and index.
     pub fn with_behaviour(mut self, behaviour: Behaviour) -> Result<Self> {
         behaviour.check(&self.springs)?;
-        behaviour.actuation.iter().for_each(|entry| self.prescribed.add_kinks(&entry.factors.times));
         self.actuated = Arc::new(behaviour.actuation_indices(self.springs.len()));
         self.has_special_springs = behaviour.has_special(&self.springs);
         self.behaviour = Arc::new(behaviour);
+        self.set_kinks();
         Ok(self)
+    }
+
+    /// Steps end at the kinks of gravity and rest lengths, and no longer at those of loads and behaviour that were replaced.
+    fn set_kinks(&mut self) {
+        let gravity = self.loads.gravity.iter().flat_map(|gravity| &gravity.times);
+        let factors = self.behaviour.actuation.iter().flat_map(|entry| &entry.factors.times);
+        self.prescribed.set_kinks(gravity.chain(factors).copied().collect());
     }
 
     /// Constant loads, drag and gravity in time.
