@@ -20,8 +20,7 @@ pub fn verify<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let state = state(&system.system, &given)?;
     let dt = dt.or(system.time.dt).map(|dt| positive("dt", dt)).transpose()?;
-    let subject = TestCase { name: system.name.clone(), system: (*system.system).clone(), state, dt: 0.0 };
-    let subject = TestCase { dt: dt.unwrap_or_else(|| subject.resolving_step()), ..subject };
+    let subject = TestCase::new(&system.name, (*system.system).clone(), state, dt).map_err(raised)?;
     let flag = Flag::new();
     let results: Results = compute(py, &flag, || {
         let applying = FAMILIES.iter().filter(|family| !flag.is_raised() && (family.applies)(&subject));

@@ -1,6 +1,7 @@
 //! The answer that runs are measured against, with an estimate of its own error.
 
-use super::{Deadline, dop853};
+use super::Deadline;
+use super::dop853::{dop853, kinks};
 use crate::accuracy::{Configuration, StepControl, relative_position_error, trial};
 use crate::error::Result;
 use crate::integrate::{ImplicitOptions, Method, Status};
@@ -75,12 +76,19 @@ impl Reference {
         let [dt, duration] = length;
         let mut ladders = [Method::ImplicitMidpoint, Method::W2].map(Ladder::new);
         let mut best: Option<Self> = None;
-        let mut steps = (duration / dt).ceil().max(4.0);
+        // Between kinks of what is given in time errors are powers of the step; each interval has steps of one length.
+        let mut from = start.time;
+        let mut intervals: Vec<(f64, f64)> = Vec::new();
+        for to in kinks(system, from, from + duration) {
+            intervals.push((to, ((to - from) / dt).ceil().max(4.0)));
+            from = to;
+        }
         let difference = |a: &State, b: &State| relative_position_error(&a.positions, &b.positions, &start.positions);
         while ladders.iter().any(|ladder| ladder.open) && deadline.allows(Duration::ZERO) {
             for ladder in ladders.iter_mut().filter(|ladder| ladder.open) {
-                ladder.climb(system, start, [duration / steps, duration], deadline)?;
+                ladder.climb(system, start, &intervals, deadline)?;
             }
+            let steps: f64 = intervals.iter().map(|(_, steps)| steps).sum();
             // From doubled steps to these an error of third order falls by seven eighths; what is left is below a quarter of that.
             let settled = |(now, before)| 0.25 * difference(now, before);
             let candidate = match ladders.each_ref().map(Ladder::two) {
@@ -100,7 +108,7 @@ impl Reference {
                     best = Some(Self { method, error_estimate: difference.max(ROUNDING), state: state.clone() });
                 }
             }
-            steps *= 2.0;
+            intervals.iter_mut().for_each(|(_, steps)| *steps *= 2.0);
         }
         Ok(best)
     }
@@ -127,12 +135,21 @@ impl Ladder {
         self.extrapolated.as_ref().zip(self.before.as_ref())
     }
 
-    fn climb(&mut self, system: &System, start: &State, [dt, duration]: [f64; 2], deadline: Deadline) -> Result<()> {
+    /// Runs through intervals, each given by its end and its number of steps.
+    fn climb(&mut self, system: &System, start: &State, intervals: &[(f64, f64)], deadline: Deadline) -> Result<()> {
         let in_time = || deadline.allows(Duration::ZERO);
-        let run = trial(system, start, &self.configuration, StepControl::Step(dt), duration, &in_time)?;
+        let (mut state, mut wall) = (Some(start.clone()), Duration::ZERO);
+        for &(end, steps) in intervals {
+            let Some(begin) = state.take() else { break };
+            let duration = end - begin.time;
+            let control = StepControl::Step(duration / steps);
+            let run = trial(system, &begin, &self.configuration, control, duration, &in_time)?;
+            wall += run.wall;
+            self.open = run.status != Status::Interrupted;
+            state = (run.status == Status::Completed).then_some(run.state);
+        }
         // The next run takes twice as long.
-        self.open = run.status != Status::Interrupted && deadline.allows(2 * run.wall);
-        let state = (run.status == Status::Completed).then_some(run.state);
+        self.open &= deadline.allows(2 * wall);
         self.before = self.extrapolated.take();
         self.extrapolated = self.last.as_ref().zip(state.as_ref()).map(|(coarse, fine)| {
             let mut state = fine.clone();
@@ -154,6 +171,8 @@ impl Ladder {
 mod tests {
     use super::*;
     use crate::system::fixtures::oscillator;
+    use crate::system::{Curve, Loads};
+    use nalgebra::Vector3;
     use std::time::Instant;
 
     /// From the second run on the error of the step's square is taken off: `x(dt/2) + (x(dt/2) − x(dt))/3`.
@@ -163,8 +182,8 @@ mod tests {
         let far = Deadline::from(Instant::now() + Duration::from_secs(7200));
         let mut ladder = Ladder::new(Method::W2);
         let (mut states, mut errors) = (Vec::<f64>::new(), Vec::new());
-        for dt in [0.2, 0.1, 0.05] {
-            ladder.climb(&system, &start, [dt, 2.0], far).unwrap();
+        for steps in [10.0, 20.0, 40.0] {
+            ladder.climb(&system, &start, &[(2.0, steps)], far).unwrap();
             assert!(ladder.open);
             states.push(ladder.last.as_ref().unwrap().positions[1].x);
             let extrapolated = ladder.extrapolated.as_ref().map(|state| state.positions[1].x);
@@ -174,6 +193,28 @@ mod tests {
             }
         }
         assert!(ladder.two().is_some() && errors[1] < errors[0] / 4.0 && errors[1] < 1e-6, "{errors:?}");
+    }
+
+    /// A gravity pulse of a millisecond, and a step of dt that passes over it: each interval between its kinks has steps of its own.
+    #[test]
+    fn extrapolation_begins_anew_at_kinks() {
+        let (system, start) = oscillator();
+        let values = [0.0, 2000.0, 0.0].map(|x| Vector3::new(x, 0.0, 0.0)).to_vec();
+        let gravity = Some(Curve { times: vec![0.4321, 0.4326, 0.4331], values });
+        let system = system.with_loads(Loads { gravity, ..Loads::default() }).unwrap();
+        let far = Instant::now() + Duration::from_secs(600);
+        let exact = dop853(&system, &start, 1.0, 1e-12, far).unwrap().positions[1].x;
+        let mut ladder = Ladder::new(Method::W2);
+        let intervals = |part: f64| [0.4321, 0.4326, 0.4331, 1.0].map(|end| (end, 8.0 * part));
+        for part in [1.0, 2.0, 4.0] {
+            ladder.climb(&system, &start, &intervals(part), Deadline::from(far)).unwrap();
+        }
+        let error = (ladder.extrapolated.unwrap().positions[1].x - exact).abs();
+        let deadline = Instant::now() + Duration::from_millis(300);
+        let reference = Reference::by_extrapolation(&system, &start, [0.1, 1.0], deadline).unwrap().unwrap();
+        assert!(error < 1e-5, "{error:e}");
+        let error = (reference.state.positions[1].x - exact).abs();
+        assert!(error < 1e-6 && error < 3.0 * reference.error_estimate, "{error:e} {reference:?}");
     }
 
     /// Fourteen steps of dt, doubled from run to run while there is time, and the best of what they give: better than the first two

@@ -25,8 +25,17 @@ pub fn text(results: &Results) -> String {
         return lines;
     }
     let _ = writeln!(lines, ", {} not judged:", results.not_judged.len());
+    // A scene mostly has one reason, which its checks share.
+    let mut reasons: Vec<(&Check, usize)> = Vec::new();
     for check in &results.not_judged {
-        let _ = writeln!(lines, "  {} [{}]: {}", check.name, check.scene, check.why);
+        match reasons.iter_mut().find(|(first, _)| (&first.scene, &first.why) == (&check.scene, &check.why)) {
+            Some((_, checks)) => *checks += 1,
+            None => reasons.push((check, 1)),
+        }
+    }
+    for (first, checks) in reasons {
+        let more = if checks > 1 { format!(" and {} more", checks - 1) } else { String::new() };
+        let _ = writeln!(lines, "  {}{more} [{}]: {}", first.name, first.scene, first.why);
     }
     lines
 }

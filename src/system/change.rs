@@ -135,6 +135,19 @@ mod tests {
         (system.with_behaviour(behaviour).unwrap().with_loads(loads).unwrap(), state)
     }
 
+    /// Loads and behaviour that are replaced leave no kinks behind.
+    #[test]
+    fn kinks_are_those_of_the_present_loads_and_behaviour() {
+        let gravity = Curve { times: vec![2.0, 0.5 + 2.0], values: vec![Vector3::zeros(), Vector3::x()] };
+        let (system, _) = chain();
+        let pulled = system.with_loads(Loads { gravity: Some(gravity), ..Loads::default() }).unwrap();
+        assert_eq!(pulled.prescribed().kinks(), [0.0, 1.0, 2.0, 2.5]);
+        let passive = pulled.clone().with_behaviour(Behaviour::default()).unwrap();
+        assert_eq!(passive.prescribed().kinks(), [2.0, 2.5]);
+        assert_eq!(pulled.with_loads(Loads::default()).unwrap().prescribed().kinks(), [0.0, 1.0]);
+        assert!(passive.with_loads(Loads::default()).unwrap().prescribed().kinks().is_empty());
+    }
+
     #[test]
     fn what_belongs_to_a_spring_stays_with_it() {
         let (system, _) = chain();

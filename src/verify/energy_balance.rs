@@ -61,7 +61,7 @@ pub(super) fn measure(case: &TestCase) -> Measured {
         let coarse = simpson(powers.iter().step_by(PARTS).map(power), h);
         (coarse - integral(power)).abs() <= 0.1 * BOUND * integral(&|at| power(at).abs())
     };
-    let not_judged = |reason: String| Ok(vec![Check::not_judged(Claim::Conservation, "energy_balance", name, reason)]);
+    let not_judged = |reason: String| Ok(vec![Check::not_judged(Claim::Conservation, "energy balance", name, reason)]);
     if !(is_resolved(&elastic) && is_resolved(&damping) && is_resolved(&constraints)) {
         let reason = "powers change faster than the vibrations that the steps resolve: springs turn or come close";
         return not_judged(reason.into());

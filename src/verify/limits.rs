@@ -7,7 +7,7 @@
 use super::reference::{self, Link};
 use super::{TestCase, U};
 use crate::force::Energy;
-use crate::system::Motion;
+use crate::system::{Motion, State};
 use nalgebra::Vector3;
 
 /// Degrees of freedom up to which a scene is run many times.
@@ -39,6 +39,12 @@ const STEP: f64 = 1e5;
 /// The reason why differences of forces and sums over springs say nothing, if there is one.
 pub(super) fn of_springs(case: &TestCase) -> Option<String> {
     let TestCase { system, state, .. } = case;
+    if system.has_other_laws() || system.external_forces().next().is_some() {
+        return Some("a spring law or a force of the caller's own acts, and no check knows it".into());
+    }
+    if let Some(spring) = system.springs().iter().position(|spring| spring.rest_length == 0.0) {
+        return Some(format!("spring {spring} has no rest length, and no check judges a scene with such springs"));
+    }
     let links = reference::links(system, &state.positions);
     let distance = |link: &Link| link.ends.iter().map(|&p| state.positions[p].norm()).fold(0.0, f64::max);
     let length = |link: &Link| link.length.min(link.rest_length);
@@ -68,13 +74,21 @@ pub(super) fn of_steps(case: &TestCase) -> Option<String> {
     if found.is_some() || system.dofs().is_empty() {
         return found;
     }
+    let fastest = state.velocities.iter().map(|v| v.norm()).fold(0.0, f64::max);
+    // A force that moves the scene by its extent, or as far as it goes anyway, in the shortest step that is taken.
+    let shortest = dt.min(case.resolving_step());
+    let way = case.extent() + (fastest + system.gravity().norm() * dt) * dt;
+    let force = reference::step_matrix_norm(case, state, shortest) * way;
+    if !(State::LARGEST.recip()..=State::LARGEST).contains(&force) {
+        let what = if force < 1.0 { "vanish" } else { "overflow" };
+        return Some(format!("forces of {force:.1e} N, as they act in steps of {shortest:.1e} s, {what} when squared"));
+    }
     let condition = reference::step_matrix_norm(case, state, *dt) / (reference::lightest(system) / (dt * dt));
     if condition.is_nan() || condition > CONDITION {
         return Some(format!(
             "the largest row of A is {condition:.1e} times m/dt² of the lightest particle, more than {CONDITION:.0e}: a solution has no digits"
         ));
     }
-    let fastest = state.velocities.iter().map(|v| v.norm()).fold(0.0, f64::max);
     let path = (fastest + system.gravity().norm() * dt) * dt / case.extent();
     (path.is_nan() || path > PATH_LENGTH).then(|| {
         format!(
@@ -213,6 +227,17 @@ mod tests {
             let found = of_steps(&chain(change)).unwrap_or_default();
             assert!(found.contains(reason), "{reason}: {found}");
         }
+        for mass in [1e200, 1e-200] {
+            let case = chain(|scene| {
+                scene.masses.fill(mass);
+                scene.springs.iter_mut().for_each(|spring| spring.stiffness *= mass);
+            });
+            let found = of_steps(&case).unwrap_or_default();
+            assert!(found.contains("when squared"), "{mass:e}: {found}");
+        }
+        // Without a rest length a spring has no strain.
+        let shrinking = of_springs(&chain(|scene| scene.springs[1].rest_length = 0.0));
+        assert!(shrinking.unwrap().starts_with("spring 1 has no rest length"));
         let long = TestCase { dt: 1e7, ..chain(|_| {}) };
         assert!(of_springs(&long).is_none() && of_steps(&long).unwrap().contains("largest row of A"));
     }

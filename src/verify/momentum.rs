@@ -103,7 +103,7 @@ fn follow(
 ) -> Measured {
     each_run(case, variants, STEPS, |variant, dt, states| {
         let value = worst_step(states, |before, after| {
-            error(variant.method, dt, before, after) / rounding(case, dt, before, after)
+            ratio(error(variant.method, dt, before, after), rounding(case, dt, before, after))
         });
         // Newton stops at a residual of 1e-10 of the forces, not at rounding.
         let bound = if variant.is_nonlinear() { 1e-10 / U } else { 30.0 };

@@ -126,13 +126,13 @@ struct Residual {
 impl Residual {
     /// The largest row in units of rounding.
     fn in_units(&self) -> f64 {
-        worst(self.rows.iter().map(|row| row.abs()).chain([0.0])) / self.unit
+        ratio(worst(self.rows.iter().map(|row| row.abs()).chain([0.0])), self.unit)
     }
 
     /// The norm over the tolerance of conjugate gradients, with rounding in every row.
     fn over_tolerance(&self) -> f64 {
         let rounding = UNITS * self.unit * (self.rows.len() as f64).sqrt();
-        norm(&self.rows) / (TOLERANCE * norm(&self.right_hand_side) + rounding)
+        ratio(norm(&self.rows), TOLERANCE * norm(&self.right_hand_side) + rounding)
     }
 }
 
@@ -234,7 +234,7 @@ fn newton_error(case: &TestCase, dt: f64, before: &State, after: &State) -> f64 
     let forces = Forces::at(case, after, &after.velocities);
     let (rows, sizes) = forces.residual(case, dt, before, after);
     let rounding = UNITS * U * norm(&forces.position_rounding(after));
-    free_norm(case, &rows) / (1e-10 * mover_norm(case, &sizes) + rounding)
+    ratio(free_norm(case, &rows), 1e-10 * mover_norm(case, &sizes) + rounding)
 }
 
 /// As [`newton_error`] for the implicit midpoint rule: a backward Euler step to the means, of half the length.
@@ -256,7 +256,7 @@ fn midpoint_error(case: &TestCase, dt: f64, before: &State, after: &State) -> f6
 
 fn explicit_error(case: &TestCase, dt: f64, before: &State, after: &State) -> f64 {
     let (rows, sizes) = Forces::at(case, before, &before.velocities).residual(case, dt, before, after);
-    free_norm(case, &rows) / (UNITS * U * mover_norm(case, &sizes))
+    ratio(free_norm(case, &rows), UNITS * U * mover_norm(case, &sizes))
 }
 
 /// The residuals of positions, `M (x' − x − dt v)/dt² − ½ f`, and of velocities over rounding. A step over a kink of a path is
@@ -290,7 +290,7 @@ fn verlet_error(case: &TestCase, dt: f64, states: &[State]) -> f64 {
             place_sizes[p] = Vector3::repeat(size + (x.norm() + y.norm()) * (m / dt / dt));
         }
         last = Some(next);
-        let error = |rows: &[_], sizes: &[_]| free_norm(case, rows) / (UNITS * U * free_norm(case, sizes));
+        let error = |rows: &[_], sizes: &[_]| ratio(free_norm(case, rows), UNITS * U * free_norm(case, sizes));
         worst([error(&places, &place_sizes), error(&speeds, &speed_sizes)])
     }))
 }
@@ -398,7 +398,7 @@ impl Bdf2Step {
         let x = largest(&moved) + largest(&after.positions);
         let b = sizes.into_iter().fold(0.0, f64::max);
         let unit = U * (reference::step_matrix_norm(case, prediction, *tau) * x + b);
-        worst(reduce(system, &rows).iter().map(|row| row.abs() / unit))
+        worst(reduce(system, &rows).iter().map(|row| ratio(row.abs(), unit)))
     }
 
     /// The exact residual after the step over that at the prediction, both weighted by 1/√m, beside rounding.
@@ -415,7 +415,7 @@ impl Bdf2Step {
         // Rounding moves a position by u |x|, and that moves the inertial force.
         let inertia = |p: usize| case.system.masses()[p] * after.positions[p].norm() / self.tau.powi(2);
         let rounding = size(&units(&|p| sizes[p])) + size(&units(&inertia));
-        size(&now) / (size(&before) + rounding / CONTRACTION)
+        ratio(size(&now), size(&before) + rounding / CONTRACTION)
     }
 }
 

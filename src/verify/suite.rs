@@ -32,9 +32,9 @@ impl Family {
     /// A step or a solver that reports that it cannot do its work is right to do so where the numbers do not allow it: then nothing is
     /// known. Every other obstacle counts as failed.
     pub fn check(&self, case: &TestCase) -> Vec<Check> {
-        let not_judged =
-            |reason: String| vec![Check::not_judged(self.claim, self.name.replace('_', " "), &case.name, reason)];
-        let failed = |why: String| vec![Check::new(self.claim, self.name, &case.name, f64::NAN, 0.0, why)];
+        let name = || self.name.replace('_', " ");
+        let not_judged = |reason: String| vec![Check::not_judged(self.claim, name(), &case.name, reason)];
+        let failed = |why: String| vec![Check::new(self.claim, name(), &case.name, f64::NAN, 0.0, why)];
         if let Some(reason) = (self.limit)(case) {
             return not_judged(reason);
         }
@@ -198,6 +198,23 @@ mod tests {
         let turns = [1, 2, 3].map(|dimension| applies(&pair(dimension, true, &[]), "angular_momentum"));
         assert_eq!(turns, [false, true, true]);
         assert_eq!([1, 2, 3].map(|dimension| applies(&pair(dimension, true, &[]), "in_space")), [true, true, false]);
+    }
+
+    /// At rest without loads all errors and all units of rounding are zero: nothing is wrong.
+    #[test]
+    fn rest_is_no_fault() {
+        let lone = |dimension| {
+            let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
+            builder.particle([1.0, 0.0, 0.0], 2.0);
+            case(builder, 0.01)
+        };
+        let resting = [1, 2, 3].map(|dimension| pair(dimension, true, &[]).relaxed().unwrap());
+        let held = [pair(2, true, &[0]).relaxed().unwrap(), pair(3, false, &[])];
+        for case in resting.iter().chain(&held).chain(&[1, 2, 3].map(lone)) {
+            let results = verify(case);
+            let failures: Vec<_> = results.failures().map(|check| &check.name).collect();
+            assert!(failures.is_empty() && results.passed() > 50, "{failures:?}");
+        }
     }
 
     /// A family that measures nothing or meets an error fails; a step that reports its failure accuses nobody.

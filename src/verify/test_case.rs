@@ -4,9 +4,7 @@ use crate::error::Result;
 #[cfg(feature = "scene")]
 use crate::scene::Scene;
 use crate::spring::{Extension, Spring};
-use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
-#[cfg(feature = "scene")]
-use crate::system::{Behaviour, Loads};
+use crate::system::{Axes, Behaviour, Constraint, Loads, Motion, State, System, SystemBuilder};
 use nalgebra::Vector3;
 
 /// A system at its initial state, with a step.
@@ -29,22 +27,26 @@ pub struct TestCase {
 const STRETCH: f64 = 1.25;
 
 impl TestCase {
-    /// Builds a scene; without a `dt` of its own the step is the [`resolving_step`](Self::resolving_step). Loads, drag, changing
+    /// A system at a state; without a `dt` the step is the [`resolving_step`](Self::resolving_step). Loads, drag, changing
     /// gravity, slack springs and changing rest lengths are left out: no check judges them.
     ///
     /// # Errors
-    /// When the scene cannot be built, or has springs of rest length zero, which no check judges.
+    /// None for a valid system.
+    pub fn new(name: impl Into<String>, system: System, state: State, dt: Option<f64>) -> Result<Self> {
+        let system = system.with_behaviour(Behaviour::default())?.with_loads(Loads::default())?;
+        let case = Self { name: name.into(), system, state, dt: 0.0 };
+        let dt = dt.unwrap_or_else(|| case.resolving_step());
+        Ok(Self { dt, ..case })
+    }
+
+    /// As [`new`](Self::new), of a scene with its step.
+    ///
+    /// # Errors
+    /// When the scene cannot be built.
     #[cfg(feature = "scene")]
     pub fn of_scene(scene: &Scene) -> Result<Self> {
         let (system, state) = scene.build()?;
-        if let Some(spring) = system.springs().iter().position(|spring| spring.rest_length == 0.0) {
-            let what = format!("{}: spring {spring} has no rest length, and checks judge none without", scene.name);
-            return Err(crate::error::Error::Unsupported(what));
-        }
-        let system = system.with_behaviour(Behaviour::default())?.with_loads(Loads::default())?;
-        let case = Self { name: scene.name.clone(), system, state, dt: 0.0 };
-        let dt = scene.time.dt.unwrap_or_else(|| case.resolving_step());
-        Ok(Self { dt, ..case })
+        Self::new(&scene.name, system, state, scene.time.dt)
     }
 
     /// A step that resolves every vibration and every decay: `z = ω dt ≤ 1/2` and `(b/m) dt ≤ 1/2` by Gershgorin's bounds
@@ -165,6 +167,7 @@ fn with_lengths(twin: &mut SystemBuilder, rest_length: impl Fn(&Spring, f64) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::system::{Actuation, Curve};
     use crate::verify::fixtures::case;
 
     fn spring(stiffness: f64, rest_length: f64, damping: f64) -> Spring {
@@ -198,6 +201,22 @@ mod tests {
         let row = row([spring(8.0, 1.0, 0.0), spring(6.0, 12.0, 0.0)]);
         assert!((row.resolving_step() - 0.5 / 18.4f64.sqrt()).abs() < 1e-15);
         assert_eq!((row.centre(), row.extent()), (Vector3::new(4.0, 0.0, 0.0), 4.0));
+    }
+
+    /// Nothing is left of what no check judges, kinks in time included: they cut the steps of some methods.
+    #[test]
+    fn loads_and_behaviour_are_left_out() {
+        let plain = row([spring(8.0, 4.0, 0.125), spring(6.0, 3.0, 0.25)]);
+        let curve = |values| Curve { times: vec![0.25, 0.5], values };
+        let gravity = Some(Curve { times: vec![0.1, 0.2], values: vec![plain.system.gravity(), Vector3::x()] });
+        let loads = Loads { forces: vec![Vector3::x(); 3], drag: vec![0.5; 3], gravity };
+        let actuation = vec![Actuation { springs: vec![0], factors: curve(vec![1.0, 2.0]) }];
+        let behaviour = Behaviour { tension_only: vec![true; 2], actuation };
+        let system = plain.system.clone().with_loads(loads).unwrap().with_behaviour(behaviour).unwrap();
+        let case = TestCase::new("row", system, plain.state.clone(), None).unwrap();
+        assert!(case.system.loads().is_empty() && case.system.behaviour().is_empty());
+        assert!(case.system.prescribed().kinks().is_empty() && case.system.gravity() == plain.system.gravity());
+        assert_eq!((case.name.as_str(), case.dt), ("row", plain.resolving_step()));
     }
 
     /// Nothing pulls a lone particle, and between coincident particles no step is short enough.

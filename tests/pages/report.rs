@@ -94,6 +94,13 @@ fn what_is_not_judged_is_said() {
     assert_eq!(document["not_judged"], serde_json::json!([expected]));
     let text = report::text(&results);
     assert!(text.contains("1 check passed, 0 failed, 1 not judged:\n  jacobian [far away]: coordinates are"), "{text}");
+    // A reason that several checks of a scene share is said once.
+    let too_far = |name, scene| Check::not_judged(Claim::Solvers, name, scene, "coordinates are rounded too much");
+    let mut shared = results.clone();
+    shared.extend([too_far("solvers", "far away"), too_far("solvers", "nearer")]);
+    let text = report::text(&shared);
+    let expected = "3 not judged:\n  jacobian and 1 more [far away]: coordinates are rounded too much\n  solvers [nearer]: coordinates";
+    assert!(text.contains(expected), "{text}");
     let suites = report::junit(&results).unwrap();
     assert!(suites.contains("skipped=\"1\"") && suites.contains("coordinates are rounded too much"), "{suites}");
     let page = report::html(&results);
