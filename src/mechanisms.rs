@@ -7,6 +7,9 @@
 //! d − r mechanisms, B u = 0 (rigid motions among them),      s − r states of self-stress, Bᵀ t = 0      (Calladine 1978)
 //! ```
 //!
+//! A spring of zero length, which has no rest length, has the stiffness κ I: it resists in every direction and has a row for every axis, so that it counts
+//! as one spring in s for each.
+//!
 //! **Rank.** A singular value is zero up to rounding, and not zero from 1e-9 of the largest on; one between the two leaves the rank undecided. Small
 //! scenes are decomposed densely. Of large ones `BᵀB` is factored: the signs of the pivots of `BᵀB − τ` count the singular values below √τ, and inverse
 //! iteration finds the mechanisms. With all rounding errors bounded the gap, and in many scenes the rank, is a theorem (`mechanisms/proof.rs`).
@@ -58,7 +61,7 @@ pub struct Mechanisms {
     pub mechanisms: usize,
     /// Motions of whole bodies that constraints admit.
     pub rigid_motions: usize,
-    /// s − r.
+    /// s − r, where a spring of zero length counts as one for every axis.
     pub self_stresses: usize,
     /// The smallest singular value that counts as not zero, and the largest that does; NaN where there is none, or where it was only counted.
     pub gap: [f64; 2],
@@ -81,7 +84,8 @@ pub struct Mechanisms {
     pub motions: Vec<Vec<f64>>,
     /// The particles that move in each of `motions`, ascending.
     pub movers: Vec<Vec<usize>>,
-    /// A basis of the states of self-stress: a tension for every spring. Empty for large scenes.
+    /// A basis of the states of self-stress: a tension for every spring. Empty for large scenes. Of the force of a spring of zero length the first
+    /// component is in its place, and the others follow behind all springs.
     #[serde(skip)]
     pub self_stress: Vec<Vec<f64>>,
     /// Pairs of particles between which springs remove mechanisms, chosen greedily. At least as many springs are needed as there are mechanisms beside
@@ -116,7 +120,7 @@ pub fn mechanisms(system: &System, state: &State) -> Result<Mechanisms> {
     state.check(system)?;
     let geometry = SpringGeometry::at(system, state)?;
     let directions = Directions { system, geometry: &geometry };
-    let [d, s] = [system.dofs().len(), system.springs().len()];
+    let [d, s] = [system.dofs().len(), directions.row_count()];
     let NullSpaces { rank, gap, decided, bounds, motions, stresses, is_complete } =
         if d.max(s) <= DENSE { directions.dense()? } else { directions.sparse()? };
     let rigid = orthonormal(rigid_motions(system, &state.positions));
@@ -125,7 +129,7 @@ pub fn mechanisms(system: &System, state: &State) -> Result<Mechanisms> {
     let below = if rank_is_exact { 0.0 } else { bounds.below };
     let mut result = Mechanisms {
         degrees_of_freedom: d,
-        springs: s,
+        springs: system.springs().len(),
         rank,
         mechanisms: d - rank,
         // A scene that is straight but for rounding seems to resist a rotation about its line.
@@ -189,9 +193,25 @@ struct Directions<'a> {
 }
 
 impl Directions<'_> {
-    /// The rows of springs between particles of which one is free: number, ends, n.
+    /// The rows of springs between particles of which one is free: row, ends, n. A spring of zero length has its first row at its number, and the
+    /// others behind the rows of all springs.
     fn rows(&self) -> impl Iterator<Item = (usize, [usize; 2], Vector3<f64>)> + '_ {
-        self.geometry.springs(self.system).map(|((number, ends, _), at)| (number, ends, at.direction))
+        let mut next = self.system.springs().len();
+        self.geometry.springs(self.system).flat_map(move |((number, ends, _), at)| {
+            let axes = if at.length == 0.0 { self.system.dimension() } else { 1 };
+            let behind = next;
+            next += axes - 1;
+            (0..axes).map(move |axis| {
+                let n = if at.length == 0.0 { Vector3::ith(axis, 1.0) } else { at.direction };
+                (if axis == 0 { number } else { behind + axis - 1 }, ends, n)
+            })
+        })
+    }
+
+    /// The number of rows, those of springs between held particles among them.
+    fn row_count(&self) -> usize {
+        let collapsed = self.geometry.iter().filter(|at| at.length == 0.0).count();
+        self.system.springs().len() + collapsed * (self.system.dimension() - 1)
     }
 
     /// `‖B u‖`.
@@ -204,7 +224,7 @@ impl Directions<'_> {
     /// By the singular value decomposition.
     fn dense(&self) -> Result<NullSpaces> {
         let dofs = self.system.dofs();
-        let [d, s] = [dofs.len(), self.system.springs().len()];
+        let [d, s] = [dofs.len(), self.row_count()];
         let mut b = Mat::<f64>::zeros(s, d);
         for (number, [i, j], n) in self.rows() {
             for (p, sign) in [(i, 1.0), (j, -1.0)] {
@@ -327,7 +347,8 @@ impl Directions<'_> {
         match stresses?.as_slice() {
             [] => Some(false),
             [stress] => Some([1.0, -1.0].iter().any(|sign| {
-                let tensions: Vec<f64> = self.rows().map(|(number, ..)| sign * stress[number]).collect();
+                let springs = self.geometry.springs(self.system);
+                let tensions: Vec<f64> = springs.map(|((number, ..), _)| sign * stress[number]).collect();
                 self.stiffens(&tensions, motions)
             })),
             _ => None,
@@ -339,7 +360,10 @@ impl Directions<'_> {
         let dofs = self.system.dofs();
         let mut form = DMatrix::<f64>::zeros(motions.len(), motions.len());
         let mut scale = 0.0f64;
-        for (((_, [i, j], n), at), tension) in self.rows().zip(self.geometry.iter()).zip(tensions) {
+        // Mechanisms do not part the ends of springs of zero length.
+        let springs = self.geometry.springs(self.system).zip(tensions).filter(|((_, at), _)| at.length > 0.0);
+        for (((_, [i, j], _), at), tension) in springs {
+            let n = at.direction;
             let across = |u: &Vec<f64>| {
                 let between = dofs.get(u, i) - dofs.get(u, j);
                 between - n * n.dot(&between)

@@ -187,9 +187,10 @@ pub fn mechanisms<'py>(
         found.motions.iter().flat_map(|motion| crate::arrays::flat(&found.shape(motion), dimension)).collect();
     let record = sprung::report::statics::MechanismsRecord { scene: "", found: &found };
     let json = serde_json::to_string(&record).map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
+    let rows = found.self_stress.first().map_or(found.springs, Vec::len);
     Ok((
         json,
         shaped(py, motions, [found.motions.len(), system.particles(), dimension])?,
-        shaped(py, found.self_stress.concat(), [found.self_stress.len(), found.springs])?,
+        shaped(py, found.self_stress.concat(), [found.self_stress.len(), rows])?,
     ))
 }

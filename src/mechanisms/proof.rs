@@ -86,7 +86,7 @@ impl Directions<'_> {
             row.sum::<f64>() + motions.len() as f64 * 4.0 * gamma(dofs.len() + 4)
         };
         let defect = (0..motions.len()).map(defect).fold(0.0, f64::max);
-        let up = 1.0 + gamma(self.system.springs().len() * motions.len() + motions.len() + 20);
+        let up = 1.0 + gamma(self.row_count() * motions.len() + motions.len() + 20);
         let bound = (squares / (1.0 - defect * up)).sqrt() * up;
         if defect < 0.5 && bound.is_finite() { bound } else { f64::INFINITY }
     }
@@ -122,7 +122,8 @@ pub(super) fn largest_rank(system: &System, state: &State) -> usize {
     let mut springs = vec![0; bodies.len()];
     for (_, ends, _) in system.active() {
         if let Some(&p) = ends.iter().find(|&&p| number[p] != usize::MAX) {
-            springs[number[p]] += 1;
+            let [xi, xj] = ends.map(|end| state.positions[end]);
+            springs[number[p]] += if xi == xj { system.dimension() } else { 1 };
         }
     }
     let coordinates = |body: &Body| body.particles.iter().map(|&p| system.dofs().rows(p).len()).sum::<usize>();

@@ -57,6 +57,33 @@ fn squares_with_and_without_diagonals() {
     assert_eq!(found.self_stresses, 1);
 }
 
+/// A spring of zero length has the stiffness κ I: it holds particles together along every axis, and several of them are in self-stress.
+#[test]
+fn springs_of_zero_length_resist_in_every_direction() {
+    for dimension in 1..=3 {
+        let found = find(dimension, &[[0.0; 3]; 2], &[[0, 1]], &[0]);
+        assert_eq!((found.springs, found.rank, found.mechanisms, found.self_stresses), (1, dimension, 0, 0));
+        assert!(found.decided && found.rank_is_exact);
+        let found = find(dimension, &[[0.0; 3]; 2], &[[0, 1], [1, 0]], &[0]);
+        assert_eq!((found.rank, found.mechanisms, found.self_stresses), (dimension, 0, dimension));
+        assert!(found.self_stress.iter().all(|stress| stress.len() == 2 * dimension));
+        // Free, both move as one point.
+        let found = find(dimension, &[[0.0; 3]; 2], &[[0, 1]], &[]);
+        assert_eq!((found.rank, found.mechanisms, found.rigid_motions), (dimension, dimension, dimension));
+    }
+    // A link of zero length in a row between supports: its ends move across together, and tension stiffens that.
+    let row = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
+    let (system, state) = framework(2, &row, &[[0, 1], [1, 2], [2, 3]], &[0, 3]);
+    let found = mechanisms(&system, &state).unwrap();
+    assert_eq!((found.rank, found.mechanisms, found.self_stresses, found.prestress_stable), (3, 1, 1, Some(true)));
+    assert_eq!(found.movers, [[1, 2]]);
+    assert!((found.self_stress[0][0] / found.self_stress[0][2] - 1.0).abs() < 1e-12);
+    let geometry = SpringGeometry::at(&system, &state).unwrap();
+    let sparse = Directions { system: &system, geometry: &geometry }.sparse().unwrap();
+    assert_eq!((sparse.rank, sparse.decided), (3, true));
+    assert!(sparse.bounds.above > 0.9 && sparse.bounds.below < 1e-14);
+}
+
 /// Two squares on supports, apart: two mechanisms, each of its own square.
 #[test]
 fn motions_are_local() {

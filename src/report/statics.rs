@@ -280,6 +280,9 @@ pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
         freedoms.replace("degree of freedoms", "degrees of freedom"),
         certainty(found)
     );
+    if found.rank + found.self_stresses > found.springs {
+        text += "  springs of zero length resist in every direction: each counts as one for every axis\n";
+    }
     let _ = writeln!(text, "  {}", self_stresses(found));
     if !found.decided {
         let [kept, dropped] = found.gap.map(pretty);

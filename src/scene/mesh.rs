@@ -9,7 +9,7 @@ mod surface;
 mod vtk;
 mod vtu;
 
-use crate::error::{Error, Invalid, Result};
+use crate::error::{Error, Result};
 use crate::memory;
 use nalgebra::Vector3;
 use rstar::RTree;
@@ -40,7 +40,7 @@ impl MeshGeometry {
     ///
     /// # Errors
     /// [`Error::Io`] for an unreadable file, [`Error::Format`] with the line or the element for one that is broken, empty or none of the
-    /// formats, [`Error::Invalid`] for a vertex that is not finite.
+    /// formats, or has a vertex that is not finite.
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = std::fs::metadata(path).map_or(0, |file| file.len());
         // Parsing holds at most 30 bytes for a byte of the file.
@@ -106,7 +106,7 @@ impl MeshGeometry {
         self.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
     }
 
-    /// Adds notes on loose parts, coincident and unused vertices. Numbers of vertices are those of the mesh, from 0.
+    /// Adds notes on loose parts, coincident and unused vertices, which are named as particles of the scene.
     pub(super) fn add_notes(&mut self) {
         let count = self.vertices.len();
         let mut sets = Sets::new(count);
@@ -129,9 +129,9 @@ impl MeshGeometry {
         let unused: Vec<usize> = (0..count).filter(|&vertex| !is_used[vertex]).collect();
         match unused[..] {
             [] => {}
-            [vertex] => self.notes.push(format!("vertex {vertex} is in no edge: it moves on its own")),
+            [vertex] => self.notes.push(format!("particle {vertex} is in no edge: it moves on its own")),
             [first, ..] => self.notes.push(format!(
-                "{} vertices are in no edge (the first is {first}): they move on their own",
+                "{} particles are in no edge (the first is {first}): they move on their own",
                 unused.len()
             )),
         }
@@ -188,12 +188,16 @@ fn read(bytes: &[u8]) -> Result<Raw, Fault> {
         msh::read(bytes)
     } else if starts("<") {
         vtu::read(bytes)
-    } else if starts("solid") {
+    } else if starts("solid") && !bytes.contains(&0) {
         surface::read_text_stl(bytes)
     } else {
         surface::read_obj(bytes)
     }
 }
+
+/// The defects of faces and lines that are left out.
+const REPEATED: &str = "a vertex twice";
+const SHORT: &str = "fewer than two vertices";
 
 /// An error in a file, without its name.
 struct Fault(String);
@@ -206,42 +210,60 @@ struct Raw {
     vertices: Vec<Vector3<f64>>,
     edges: Vec<([u32; 2], u32)>,
     triangles: Vec<[u32; 3]>,
-    /// Faces that name a vertex twice: their number, and the place of the first.
-    repeated: Option<(usize, u32)>,
+    /// Faces and segments of lines left out: their number, and the place and the defect of the first.
+    omitted: Option<(usize, u32, &'static str)>,
 }
 
 impl Raw {
     fn new(unit: &'static str, first: u32) -> Self {
         let (vertices, edges, triangles) = (Vec::new(), Vec::new(), Vec::new());
-        Self { unit, first, vertices, edges, triangles, repeated: None }
+        Self { unit, first, vertices, edges, triangles, omitted: None }
     }
 
-    fn add_vertex(&mut self, x: [f64; 3]) {
+    fn add_vertex(&mut self, x: [f64; 3], place: impl std::fmt::Display) -> Result<(), Fault> {
+        if x.iter().any(|c| !c.is_finite()) {
+            return Err(Fault(format!("{place}: the coordinates {x:?} must be finite")));
+        }
         self.vertices.push(x.into());
+        Ok(())
     }
 
-    fn add_vertices(&mut self, coordinates: &[f64]) {
-        coordinates.as_chunks().0.iter().for_each(|&x| self.add_vertex(x));
+    fn add_vertices(&mut self, coordinates: &[f64]) -> Result<(), Fault> {
+        coordinates.as_chunks().0.iter().try_for_each(|&x| {
+            let number = self.vertices.len();
+            self.add_vertex(x, format_args!("vertex {number}"))
+        })
     }
 
-    /// Adds the segments of a line, without those from a vertex to itself.
+    /// Adds the segments of a line; those from a vertex to itself are counted instead.
     fn add_line(&mut self, corners: &[u32], place: u32) {
-        corners.windows(2).for_each(|ends| self.add_edge([ends[0], ends[1]], place));
+        for ends in corners.windows(2) {
+            if ends[0] == ends[1] {
+                self.omit(place, REPEATED);
+            }
+            self.add_edge([ends[0], ends[1]], place);
+        }
+        if corners.len() < 2 {
+            self.omit(place, SHORT);
+        }
     }
 
     /// Adds a face; one that names a vertex twice is counted instead.
     fn add_face(&mut self, corners: &[u32], place: u32) {
-        let [first, rest @ ..] = corners else { return };
         let mut sorted = corners.to_vec();
         sorted.sort_unstable();
         if sorted.windows(2).any(|two| two[0] == two[1]) {
-            let (count, place) = self.repeated.unwrap_or((0, place));
-            self.repeated = Some((count + 1, place));
-            return;
+            return self.omit(place, REPEATED);
         }
         self.add_line(corners, place);
+        let [first, rest @ ..] = corners else { return };
         self.add_edge([*first, rest.last().copied().unwrap_or(*first)], place);
         self.triangles.extend(rest.windows(2).map(|side| [*first, side[0], side[1]]));
+    }
+
+    fn omit(&mut self, place: u32, defect: &'static str) {
+        let (count, place, defect) = self.omitted.unwrap_or((0, place, defect));
+        self.omitted = Some((count + 1, place, defect));
     }
 
     fn add_strip(&mut self, corners: &[u32], place: u32) {
@@ -265,22 +287,18 @@ impl Raw {
 
     /// Checks the collected parts, and counts every edge once.
     fn finish(self, path: &Path) -> Result<MeshGeometry> {
-        let Self { unit, first, vertices, edges, triangles, repeated } = self;
+        let Self { unit, first, vertices, edges, triangles, omitted } = self;
         let reject = |message: String| Err(Error::Format { file: path.into(), message });
         if vertices.is_empty() {
             return reject("has no vertices".into());
-        }
-        if let Some((index, vertex)) = vertices.iter().enumerate().find(|(_, x)| x.iter().any(|c| !c.is_finite())) {
-            let invalid = Invalid::new("v", format!("{:?}", vertex.as_slice()), "must be finite").at(index);
-            return Err(Error::from(invalid).in_file(path));
         }
         if let Some(([_, vertex], place)) = edges.iter().find(|([_, last], _)| *last as usize >= vertices.len()) {
             let (number, last) = (u64::from(*vertex) + u64::from(first), vertices.len() as u64 + u64::from(first) - 1);
             return reject(format!("{unit} {place}: names vertex {number}, and the last is {last}"));
         }
-        let omitted = repeated.map(|(count, place)| {
-            let faces = if count == 1 { "1 face that names".into() } else { format!("{count} faces that name") };
-            format!("{}: {faces} a vertex twice left out ({unit} {place})", path.display())
+        let omitted = omitted.map(|(count, place, defect)| {
+            let (parts, first) = if count == 1 { ("face or segment", "") } else { ("faces or segments", "the first is ") };
+            format!("{}: {count} {parts} left out ({first}in {unit} {place}, which names {defect})", path.display())
         });
         let (edges, places) = unique(edges);
         Ok(MeshGeometry { vertices, edges, triangles, notes: omitted.into_iter().collect(), places, unit, first })

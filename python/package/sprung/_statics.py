@@ -238,7 +238,7 @@ class Mechanisms:
         ``degrees_of_freedom - rank``, rigid motions among them.
     rigid_motions : int
     self_stresses : int
-        ``springs - rank``.
+        ``springs - rank``, where a spring of zero length counts as one for every axis: it resists in every direction.
     gap : tuple
         The smallest singular value that counts as not zero, and the largest that does; NaN where there is none, or where it was only
         counted.
@@ -260,7 +260,8 @@ class Mechanisms:
     motions : ndarray, shape (found, particles, dimension)
         A basis of the mechanisms beside rigid motions; of large systems with more than a hundred they are only counted.
     self_stress : ndarray, shape (found, springs)
-        A basis of the states of self-stress; empty for large systems, where they are only counted.
+        A basis of the states of self-stress; empty for large systems, where they are only counted. Of the force of a spring of zero length
+        the first component is in its column, and columns behind all springs have the others.
     """
 
     def __init__(self, handed: tuple[str, Floats, Floats]) -> None:

@@ -88,6 +88,11 @@ pub fn whole(number: f64) -> Option<u32> {
     (number.fract() == 0.0 && (0.0..f64::from(u32::MAX)).contains(&number)).then_some(number as u32)
 }
 
+/// The message for a number that is neither a count nor an index.
+pub fn no_count(number: f64) -> String {
+    format!("{number} is no count or index: a whole number from 0 to {} is wanted", u32::MAX - 1)
+}
+
 impl<'a> Cursor<'a> {
     pub fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, at: 0, line: 1 }
@@ -118,12 +123,13 @@ impl<'a> Cursor<'a> {
         (length > 0).then(|| text(&rest[..length]))
     }
 
-    /// The rest of the line; the cursor moves to the next one.
+    /// The rest of the line, which ends in \n, \r\n or \r; the cursor moves to the next one.
     pub fn rest_of_line(&mut self) -> &'a str {
         let rest = self.rest();
-        let length = rest.iter().take_while(|&&byte| byte != b'\n').count();
-        self.skip((length + 1).min(rest.len()));
-        text(&rest[..length]).trim_end_matches('\r')
+        let length = rest.iter().take_while(|byte| !matches!(byte, b'\n' | b'\r')).count();
+        let end = if rest[length..].starts_with(b"\r\n") { 2 } else { 1 };
+        self.skip((length + end).min(rest.len()));
+        text(&rest[..length])
     }
 
     /// The next word as a number.
@@ -135,7 +141,7 @@ impl<'a> Cursor<'a> {
     /// The next word as a count or index.
     pub fn whole(&mut self) -> Result<u32, Fault> {
         let number = self.number()?;
-        whole(number).ok_or_else(|| self.fault(format_args!("{number} is no number of anything")))
+        whole(number).ok_or_else(|| self.fault(no_count(number)))
     }
 
     /// The next bytes.
@@ -154,7 +160,13 @@ impl<'a> Cursor<'a> {
     }
 
     fn skip(&mut self, count: usize) {
-        self.line += self.rest().iter().take(count).filter(|&&byte| byte == b'\n').count() as u32;
+        let rest = self.rest();
+        let ends = |&at: &usize| match rest.get(at) {
+            Some(b'\n') => true,
+            Some(b'\r') => rest.get(at + 1) != Some(&b'\n'),
+            _ => false,
+        };
+        self.line += (0..count).filter(ends).count() as u32;
         self.at += count;
     }
 }

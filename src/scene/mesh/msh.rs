@@ -1,6 +1,6 @@
 //! Gmsh MSH files, versions 2, 4.0 and 4.1, as text and, but for 4.0, binary.
 
-use super::cursor::{Cursor, Kind, Order, whole};
+use super::cursor::{Cursor, Kind, Order, no_count, whole};
 use super::vtk::add_cell;
 use super::{Fault, Raw};
 use std::collections::HashMap;
@@ -24,6 +24,7 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
             "$MeshFormat" => reader.format()?,
             "$Nodes" => reader.nodes()?,
             "$Elements" => reader.elements()?,
+            "$NOD" | "$ELM" => return Err(reader.cursor.fault("MSH 1 is not read: 2, 4.0 and 4.1 are")),
             section => reader.skip(section)?,
         }
     }
@@ -87,13 +88,13 @@ impl Reader<'_> {
         if number.fract() == 0.0 && (0.0..9e15).contains(&number) {
             Ok(number as u64)
         } else {
-            Err(self.cursor.fault(format_args!("{number} is no number of anything")))
+            Err(self.cursor.fault(format_args!("{number} is no count or number of a node or element")))
         }
     }
 
     fn int_count(&mut self) -> Result<u32, Fault> {
         let number = self.int()?;
-        whole(number).ok_or_else(|| self.cursor.fault(format_args!("{number} is no number of anything")))
+        whole(number).ok_or_else(|| self.cursor.fault(no_count(number)))
     }
 
     /// The number at the start of a section: of nodes or elements in version 2, of blocks in version 4, whose other numbers are skipped.
@@ -152,7 +153,7 @@ impl Reader<'_> {
             if self.nodes.insert(tag, self.raw.vertices.len() as u32).is_some() {
                 return Err(self.cursor.fault(format_args!("node {tag} is there twice")));
             }
-            self.raw.add_vertex(x);
+            self.raw.add_vertex(x, format_args!("node {tag}"))?;
         }
         Ok(())
     }

@@ -11,7 +11,9 @@ pub fn read_obj(bytes: &[u8]) -> Result<Raw, Fault> {
     let mut raw = Raw::new("line", 1);
     // A line is continued behind a backslash at its end.
     let (mut statement, mut begun) = (String::new(), None);
-    for (number, line) in (1u32..).zip(text.lines()) {
+    // Lines end in \n, \r\n or \r.
+    let lines = text.split('\n').flat_map(|line| line.strip_suffix('\r').unwrap_or(line).split('\r'));
+    for (number, line) in (1u32..).zip(lines) {
         let line = line.split('#').next().unwrap_or_default().trim_end();
         let place = *begun.get_or_insert(number);
         if let Some(part) = line.strip_suffix('\\') {
@@ -24,8 +26,11 @@ pub fn read_obj(bytes: &[u8]) -> Result<Raw, Fault> {
         statement.clear();
         begun = None;
     }
+    if let Some(place) = begun {
+        add_statement(&mut raw, &statement, place)?;
+    }
     if raw.vertices.is_empty() {
-        return Err(Fault("is no mesh: neither OBJ (no line begins with v), PLY, STL, VTK nor Gmsh MSH".into()));
+        return Err(no_mesh(bytes));
     }
     Ok(raw)
 }
@@ -35,12 +40,17 @@ fn add_statement(raw: &mut Raw, line: &str, place: u32) -> Result<(), Fault> {
     let mut words = line.split_whitespace();
     match words.next() {
         Some("v") => {
-            let mut x = [0.0; 3];
-            for x in &mut x {
-                let word = words.next().ok_or_else(|| fault("a vertex has three coordinates".into()))?;
-                *x = word.parse().map_err(|_| fault(format!("{word:?} is no number")))?;
-            }
-            raw.add_vertex(x);
+            let number = |word: &str| word.parse().map_err(|_| fault(format!("{word:?} is no number")));
+            let numbers: Vec<f64> = words.map(number).collect::<Result<_, _>>()?;
+            // A weight or a colour may follow.
+            let (&[x, y, z], 0 | 1 | 3 | 4) = numbers.split_first_chunk().map_or((&[0.0; 3], 2), |(x, more)| (x, more.len()))
+            else {
+                return Err(fault(format!(
+                    "a vertex has 3 coordinates, and may have a weight and 3 colours: not {} numbers",
+                    numbers.len()
+                )));
+            };
+            raw.add_vertex([x, y, z], format_args!("line {place}"))?;
         }
         Some(kind @ ("f" | "l")) => {
             let count = raw.vertices.len();
@@ -79,7 +89,8 @@ struct Property {
 pub fn read_ply(bytes: &[u8]) -> Result<Raw, Fault> {
     let mut cursor = Cursor::new(bytes);
     let (order, elements) = ply_header(&mut cursor)?;
-    let mut raw = Raw::new("element", 0);
+    let has = |name: &&str| elements.iter().any(|element| element.name == *name && element.count > 0);
+    let mut raw = Raw::new(["face", "tristrips", "edge"].into_iter().find(has).unwrap_or("element"), 0);
     for element in &elements {
         let Element { name, count, properties } = element;
         let index = |names: &[&str]| properties.iter().position(|p| names.contains(&p.name.as_str()));
@@ -112,11 +123,11 @@ pub fn read_ply(bytes: &[u8]) -> Result<Raw, Fault> {
             let place = number.min(u64::from(u32::MAX)) as u32;
             let values: Vec<f64> = columns.iter().map(|&column| row.get(column).copied().unwrap_or(0.0)).collect();
             let vertices = |numbers: &[f64]| -> Result<Vec<u32>, Fault> {
-                let vertices: Option<_> = numbers.iter().map(|&n| whole(n)).collect();
-                vertices.ok_or_else(|| Fault(format!("{name} {number}: names a vertex that there is not")))
+                let missing = |n| Fault(format!("{name} {number}: names vertex {n}, which there is not"));
+                numbers.iter().map(|&n| whole(n).ok_or_else(|| missing(n))).collect()
             };
             match name.as_str() {
-                "vertex" => raw.add_vertices(&values),
+                "vertex" => raw.add_vertices(&values)?,
                 "face" => raw.add_face(&vertices(&list)?, place),
                 "tristrips" => {
                     for strip in list.split(|&corner| corner == -1.0) {
@@ -179,6 +190,19 @@ pub fn is_binary_stl(bytes: &[u8]) -> bool {
     facets.is_some_and(|facets| facets > 0.0 && bytes.len() as f64 == HEADER as f64 + FACET as f64 * facets)
 }
 
+/// The error for a file of no format. A binary one may be binary STL of the wrong length, which nothing else tells from other files.
+fn no_mesh(bytes: &[u8]) -> Fault {
+    let none = "is no mesh: neither OBJ (no line begins with v), PLY, STL, VTK nor Gmsh MSH";
+    let count = bytes.get(80..HEADER).filter(|_| bytes.contains(&0));
+    let Some(facets) = count.map(|count| Kind::U32.number(count, Order::Little)) else { return Fault(none.into()) };
+    if facets == 0.0 {
+        return Fault(format!("{none}; as binary STL it is empty: it counts 0 facets"));
+    }
+    let (length, expected) = (bytes.len(), HEADER as f64 + FACET as f64 * facets);
+    let state = if (length as f64) < expected { "is truncated" } else { "goes on after its last facet" };
+    Fault(format!("{none}; as binary STL it {state}: {facets} facets need {expected} bytes, and it has {length}"))
+}
+
 /// Corners of STL facets; those at one place are one vertex.
 struct Corners {
     raw: Raw,
@@ -191,12 +215,15 @@ impl Corners {
         Self { raw: Raw::new(unit, 0), known: HashMap::new(), face: Vec::new() }
     }
 
-    fn add(&mut self, x: [f64; 3]) {
+    fn add(&mut self, x: [f64; 3], place: u32) -> Result<(), Fault> {
         let Self { raw, known, face } = self;
-        face.push(*known.entry(place_key(x)).or_insert_with(|| {
-            raw.add_vertex(x);
-            raw.vertices.len() as u32 - 1
-        }));
+        let number = *known.entry(place_key(x)).or_insert(raw.vertices.len() as u32);
+        if number as usize == raw.vertices.len() {
+            let unit = raw.unit;
+            raw.add_vertex(x, format_args!("{unit} {place}"))?;
+        }
+        face.push(number);
+        Ok(())
     }
 
     fn end_face(&mut self, place: u32) {
@@ -210,7 +237,7 @@ pub fn read_binary_stl(bytes: &[u8]) -> Result<Raw, Fault> {
     for (facet, bytes) in (0..).zip(bytes.get(HEADER..).unwrap_or_default().chunks_exact(FACET)) {
         let mut numbers = bytes.chunks_exact(4).skip(3).map(|number| Kind::F32.number(number, Order::Little));
         for _ in 0..3 {
-            corners.add(std::array::from_fn(|_| numbers.next().unwrap_or(f64::NAN)));
+            corners.add(std::array::from_fn(|_| numbers.next().unwrap_or(f64::NAN)), facet)?;
         }
         corners.end_face(facet);
     }
@@ -224,7 +251,7 @@ pub fn read_text_stl(bytes: &[u8]) -> Result<Raw, Fault> {
         match word.to_ascii_lowercase().as_str() {
             // A name of any words, a normal or `loop` follows.
             "solid" | "endsolid" | "facet" | "normal" | "outer" => _ = cursor.rest_of_line(),
-            "vertex" => corners.add([cursor.number()?, cursor.number()?, cursor.number()?]),
+            "vertex" => corners.add([cursor.number()?, cursor.number()?, cursor.number()?], cursor.line())?,
             "endloop" => corners.end_face(cursor.line()),
             "endfacet" => {}
             _ => return Err(cursor.fault(format_args!("{word:?} is no word of STL"))),

@@ -40,7 +40,78 @@ fn obj_has_marks_comments_continuations_and_lines() {
     assert_eq!(rope.place(1), "line 5: an edge joins vertices 2 and 3");
     let repeated = read(format!("{vertices}f 1 1 2\nf 1 2 3\nf 2 3 2")).unwrap();
     assert_eq!(repeated.edges, [[0, 1], [0, 2], [1, 2]]);
-    assert_eq!(repeated.notes, ["mesh: 2 faces that name a vertex twice left out (line 5)"]);
+    assert_eq!(repeated.notes, ["mesh: 2 faces or segments left out (the first is in line 5, which names a vertex twice)"]);
+}
+
+/// The last line may be continued into nothing, lines may end in carriage returns alone, and words left over are no vertex's.
+#[test]
+fn every_statement_of_obj_counts() {
+    let vertices = "v 0 0 0.5\nv 1 0 0.5 1\nv 1 1 0.5 0.1 0.2 0.3\nv 0 1 0.5 0.1 0.2 0.3 1\n";
+    assert_square(format!("{vertices}f 1 2 3 4 \\"));
+    assert_square(format!("{vertices}f 1 2 3 4 \\\n"));
+    assert_square(format!("{vertices}f 1 2 3 4\n").replace('\n', "\r"));
+    assert_square(format!("{vertices}f 1 2 3 4\n").replace('\n', "\r\n"));
+    for (vertex, message) in [
+        ("v 0 0", "a vertex has 3 coordinates, and may have a weight and 3 colours: not 2 numbers"),
+        ("v 0 0 0 1 2", "a vertex has 3 coordinates, and may have a weight and 3 colours: not 5 numbers"),
+        ("v 0 0 0 v", "\"v\" is no number"),
+        ("v 0 0 0 1 1 1 1 1", "a vertex has 3 coordinates, and may have a weight and 3 colours: not 8 numbers"),
+    ] {
+        assert_eq!(read(format!("v 0 0 0\n{vertex}\n")).unwrap_err(), format!("mesh: line 2: {message}: {vertex:?}"));
+    }
+    let omitted = read(format!("{vertices}f 1\nl 1 1\nl 2\nl 1 2")).unwrap();
+    assert_eq!(omitted.edges, [[0, 1]]);
+    assert_eq!(
+        omitted.notes,
+        ["mesh: 3 faces or segments left out (the first is in line 5, which names fewer than two vertices)"]
+    );
+}
+
+/// What is wrong is named by its place and its value.
+#[test]
+fn wrong_vertices_are_named() {
+    assert_eq!(
+        read("v 0 0 0\nv nan 0 0").unwrap_err(),
+        "mesh: line 2: the coordinates [NaN, 0.0, 0.0] must be finite"
+    );
+    assert_eq!(
+        read("solid\nfacet normal 0 0 1\nouter loop\nvertex 0 1e999 0\n").unwrap_err(),
+        "mesh: line 4: the coordinates [0.0, inf, 0.0] must be finite"
+    );
+    let ply = |face: &str| {
+        read(format!(
+            "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nelement face 1\n\
+             property list uchar int vertex_indices\nend_header\n0 0 3 4\n{face}"
+        ))
+        .unwrap_err()
+    };
+    assert_eq!(ply("3 0 1 -1"), "mesh: face 0: names vertex -1, which there is not");
+    assert_eq!(ply("3 0 1 7"), "mesh: face 0: names vertex 7, and the last is 1");
+    assert_eq!(read("$NOD\n1\n1 0 0 0\n$ENDNOD\n").unwrap_err(), "mesh: line 1: MSH 1 is not read: 2, 4.0 and 4.1 are");
+    let vtk = "# vtk DataFile Version 3.0\n\nASCII\nDATASET POLYDATA\nPOINTS 50000000000 float\n";
+    assert_eq!(
+        read(vtk).unwrap_err(),
+        "mesh: line 5: 50000000000 is no count or index: a whole number from 0 to 4294967294 is wanted"
+    );
+}
+
+/// A binary STL file is known by its length: one of another length says so.
+#[test]
+fn lengths_of_binary_stl_are_compared() {
+    let none = "mesh: is no mesh: neither OBJ (no line begins with v), PLY, STL, VTK nor Gmsh MSH";
+    for (facets, bytes, state) in [
+        (2u32, 60, "; as binary STL it is truncated: 2 facets need 184 bytes, and it has 144"),
+        (2, 103, "; as binary STL it goes on after its last facet: 2 facets need 184 bytes, and it has 187"),
+        (0, 0, "; as binary STL it is empty: it counts 0 facets"),
+    ] {
+        for name in [&b"solid"[..], b"exported"] {
+            let mut file = name.to_vec();
+            file.resize(80, 0);
+            file.extend(facets.to_le_bytes());
+            file.resize(84 + bytes, 0);
+            assert_eq!(read(file).unwrap_err(), format!("{none}{state}"));
+        }
+    }
 }
 
 #[test]
@@ -89,7 +160,7 @@ fn facets_of_stl_share_corners() {
     for (bytes, place) in [(text.into_bytes(), "line 21"), (binary, "facet 2")] {
         let mesh = read(bytes).unwrap();
         assert_eq!((mesh.vertices.len(), mesh.edges.len(), mesh.triangles.len()), (4, 5, 2));
-        assert_eq!(mesh.notes, [format!("mesh: 1 face that names a vertex twice left out ({place})")]);
+        assert_eq!(mesh.notes, [format!("mesh: 1 face or segment left out (in {place}, which names a vertex twice)")]);
     }
 }
 
@@ -165,6 +236,10 @@ fn xml_of_vtk_is_read_however_it_is_encoded() {
     let whole = file("", offsets.each_ref().map(String::as_str), "<AppendedData encoding=\"raw\">_");
     let start = &whole.as_bytes()[..whole.len() - "</VTKFile>".len()];
     assert_square([start, &data.each_ref().map(|bytes| plain(bytes)).concat(), b"</AppendedData></VTKFile>"].concat());
+    let message = read(file("", arrays, "").replace("OfPoints=\"4", "OfPoints=\"6")).unwrap_err();
+    assert_eq!(message, "mesh: NumberOfPoints is 6, and its arrays have 4");
+    let message = read(file("", arrays, "").replace("OfCells=\"1", "OfCells=\"2")).unwrap_err();
+    assert_eq!(message, "mesh: NumberOfCells is 2, and its arrays have 1");
     assert_eq!(read("<html></html>").unwrap_err(), "mesh: is no mesh: XML, but no VTKFile");
 }
 
@@ -262,7 +337,7 @@ fn vertices_are_welded_and_surprises_noted() {
     assert_eq!((mesh.vertices.len(), mesh.edges.clone(), mesh.triangles.len()), (4, vec![[0, 1], [1, 2]], 0));
     assert_eq!(mesh.vertices[1].x, 1.0);
     mesh.add_notes();
-    let expected = ["mesh.weld joins 5 vertices to 4", "vertex 3 is in no edge: it moves on its own"];
+    let expected = ["mesh.weld joins 5 vertices to 4", "particle 3 is in no edge: it moves on its own"];
     assert_eq!(mesh.notes, expected);
     let mut apart = read("v 0 0 0\nv 1 0 0\nv -0 0 0\nv 0 1 0\nl 1 2\nl 3 4").unwrap();
     apart.add_notes();

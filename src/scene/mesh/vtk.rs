@@ -109,7 +109,7 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
                 let count = reader.cursor.whole()? as usize;
                 let kind = reader.kind()?;
                 let numbers = reader.numbers(kind, count.saturating_mul(3))?;
-                raw.add_vertices(&numbers);
+                raw.add_vertices(&numbers)?;
             }
             "CELLS" => cells = reader.cells()?,
             "CELL_TYPES" => {

@@ -27,6 +27,28 @@ struct Array {
     text: String,
 }
 
+/// The attributes of a piece that count its points and cells.
+const PIECE_COUNTS: [&str; 5] = ["NumberOfPoints", "NumberOfCells", "NumberOfLines", "NumberOfPolys", "NumberOfStrips"];
+
+#[derive(Default)]
+struct Piece {
+    /// The [`PIECE_COUNTS`] that are given.
+    counts: [Option<String>; 5],
+    arrays: Vec<Array>,
+}
+
+impl Piece {
+    /// Rejects a count other than that of its arrays.
+    fn check_count(&self, counted: usize, found: usize) -> Result<(), Fault> {
+        match (PIECE_COUNTS.get(counted), self.counts.get(counted)) {
+            (Some(name), Some(Some(given))) if given.trim().parse() != Ok(found) => {
+                Err(Fault(format!("{name} is {given}, and its arrays have {found}")))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
     // Appended data need not be XML.
     let cut = find(bytes, b"<AppendedData").unwrap_or(bytes.len());
@@ -43,7 +65,7 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
     let mut raw = Raw::new("cell", 0);
     let mut reader = Reader::from_reader(xml);
     reader.config_mut().expand_empty_elements = true;
-    let (mut parents, mut piece) = (Vec::<String>::new(), Vec::<Array>::new());
+    let (mut parents, mut piece) = (Vec::<String>::new(), Piece::default());
     let mut is_vtk = false;
     loop {
         match reader.read_event().map_err(|error| Fault(format!("is no XML: {error}")))? {
@@ -54,13 +76,14 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
                         is_vtk = true;
                         storage.begin(&element)?;
                     }
-                    "DataArray" => piece.push(array(&element, parents.last())),
+                    "Piece" => piece.counts = PIECE_COUNTS.map(|name| attribute(&element, name)),
+                    "DataArray" => piece.arrays.push(array(&element, parents.last())),
                     _ => {}
                 }
                 parents.push(name);
             }
             Event::Text(text) if parents.last().is_some_and(|parent| parent == "DataArray") => {
-                if let Some(array) = piece.last_mut() {
+                if let Some(array) = piece.arrays.last_mut() {
                     array.text.push_str(&String::from_utf8_lossy(&text));
                 }
             }
@@ -101,29 +124,31 @@ fn array(element: &BytesStart, parent: Option<&String>) -> Array {
     }
 }
 
-fn add_piece(raw: &mut Raw, storage: &Storage, arrays: &[Array]) -> Result<(), Fault> {
+fn add_piece(raw: &mut Raw, storage: &Storage, piece: &Piece) -> Result<(), Fault> {
     // The vertices of a piece are numbered from zero.
     let before = raw.vertices.len() as u32;
     let numbers = |parent: &str, name: &str| {
-        let array = arrays.iter().find(|array| array.parent == parent && (name.is_empty() || array.name == name));
+        let array = piece.arrays.iter().find(|array| array.parent == parent && (name.is_empty() || array.name == name));
         array.map(|array| storage.numbers(array)).transpose()
     };
     if let Some(points) = numbers("Points", "")? {
-        raw.add_vertices(&points);
+        piece.check_count(0, points.len() / 3)?;
+        raw.add_vertices(&points)?;
     }
-    let cells = |parent: &str| -> Result<Option<Cells>, Fault> {
+    let cells = |parent: &str, counted: usize| -> Result<Option<Cells>, Fault> {
         let (Some(corners), Some(ends)) = (numbers(parent, "connectivity")?, numbers(parent, "offsets")?) else {
             return Ok(None);
         };
         let corners = indices(&corners)?.into_iter().map(|corner| corner.saturating_add(before)).collect();
+        piece.check_count(counted, ends.len())?;
         Ok(Some(Cells { corners, ends: indices(&ends)? }))
     };
-    if let (Some(cells), Some(types)) = (cells("Cells")?, numbers("Cells", "types")?) {
+    if let (Some(cells), Some(types)) = (cells("Cells", 1)?, numbers("Cells", "types")?) {
         cells.add_typed(raw, &types)?;
     }
-    cells("Lines")?.unwrap_or_default().add(raw, Raw::add_line);
-    cells("Polys")?.unwrap_or_default().add(raw, Raw::add_face);
-    cells("Strips")?.unwrap_or_default().add(raw, Raw::add_strip);
+    cells("Lines", 2)?.unwrap_or_default().add(raw, Raw::add_line);
+    cells("Polys", 3)?.unwrap_or_default().add(raw, Raw::add_face);
+    cells("Strips", 4)?.unwrap_or_default().add(raw, Raw::add_strip);
     Ok(())
 }
 
