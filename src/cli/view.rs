@@ -50,6 +50,8 @@ impl View {
             return Err(missing(&self.subject).into());
         };
         let page = self.output.clone().unwrap_or_else(|| folder.join(PAGE));
+        // A place that cannot be written is an error of the call.
+        AtomicFile::create(&page).map(drop)?;
         let bytes = write_page(&page, &animation).map_err(Stop::Broken)?;
         let frames = animation.times.len();
         let contents = match animation.times[..] {
