@@ -10,7 +10,7 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use self_cell::self_cell;
 use sprung::State;
-use sprung::integrate::{Statistics, TimeStepper};
+use sprung::integrate::{Statistics, TimeStepper, advance};
 use sprung::plan::RunOptions;
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -101,7 +101,7 @@ impl Stepper {
                     kept.insert(made)
                 }
             };
-            Ok(kept.with_dependent_mut(|_, stepper| stepper.step(state, dt)))
+            Ok(kept.with_dependent_mut(|_, stepper| advance(&mut **stepper, state, dt)))
         });
         if stepped.is_err() {
             // What the method keeps may come of a function that raised an exception.

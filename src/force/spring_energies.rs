@@ -41,9 +41,9 @@ pub(crate) const BLOCK: usize = 128 * BATCH;
 pub struct SpringSums {
     /// ½ k (l − l0)²/l0.
     pub elastic: f64,
-    /// Work of constraints and external forces.
+    /// Work of constraints, loads and rest lengths.
     pub work: f64,
-    /// Dissipated by damping.
+    /// Dissipated by damping and drag.
     pub dissipated: f64,
     /// The least that damping can have taken.
     pub certain: f64,

@@ -67,6 +67,10 @@ impl TimeStepper for LinearBackwardEuler<'_> {
         Some(self.linear.solver())
     }
 
+    fn load_kinks(&self) -> &[f64] {
+        self.linear.system.prescribed().load_kinks()
+    }
+
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         StepFailure::of_arguments(self.linear.system, state, dt)?;
         let Self { linear, force, displacement } = self;
@@ -203,6 +207,10 @@ impl TimeStepper for BackwardEuler<'_> {
 
     fn linear_solver(&self) -> Option<&dyn LinearSolver> {
         Some(self.0.linear.solver())
+    }
+
+    fn load_kinks(&self) -> &[f64] {
+        self.0.linear.system.prescribed().load_kinks()
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {

@@ -45,7 +45,7 @@ use crate::error::Result;
 use crate::force::set_accelerations;
 use crate::linear::LinearSolver;
 use crate::system::{State, System};
-use history::{Estimate, History};
+use history::{Estimate, History, MOST_GROWTH};
 use iteration::Tensions;
 
 /// The second-order backward differentiation formula with variable steps, linearised where the step ends.
@@ -170,6 +170,10 @@ impl TimeStepper for Bdf2<'_> {
         Some(self.newton.linear.solver())
     }
 
+    fn load_kinks(&self) -> &[f64] {
+        self.newton.linear.system.prescribed().load_kinks()
+    }
+
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         let system = self.newton.linear.system;
         StepFailure::of_arguments(system, state, dt)?;
@@ -247,9 +251,8 @@ impl AdaptiveStepper for Bdf2<'_> {
         36.0
     }
 
-    /// Safely below 1 + √2.
     fn largest_growth(&self) -> f64 {
-        2.0
+        MOST_GROWTH
     }
 
     fn statistics_mut(&mut self) -> &mut Statistics {

@@ -201,6 +201,10 @@ impl TimeStepper for Dop853<'_> {
         "dop853"
     }
 
+    fn load_kinks(&self) -> &[f64] {
+        self.system.prescribed().load_kinks()
+    }
+
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         StepFailure::of_arguments(self.system, state, dt)?;
         self.next.copy_from(state);

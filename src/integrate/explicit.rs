@@ -78,6 +78,10 @@ impl TimeStepper for ExplicitEuler<'_> {
         self.name
     }
 
+    fn load_kinks(&self) -> &[f64] {
+        self.system.prescribed().load_kinks()
+    }
+
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         let Self { system, force, next, .. } = self;
         StepFailure::of_arguments(system, state, dt)?;

@@ -60,6 +60,10 @@ impl TimeStepper for ImplicitMidpoint<'_> {
         Some(self.newton.linear.solver())
     }
 
+    fn load_kinks(&self) -> &[f64] {
+        self.newton.linear.system.prescribed().load_kinks()
+    }
+
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         StepFailure::of_arguments(self.newton.linear.system, state, dt)?;
         let Self { newton, next } = self;

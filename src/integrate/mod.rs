@@ -15,6 +15,8 @@ mod implicit_midpoint;
 #[cfg(test)]
 mod kinds_tests;
 mod linear_tolerance;
+#[cfg(test)]
+mod loads_tests;
 mod matrices;
 mod method;
 mod monitor;
@@ -56,7 +58,7 @@ pub use propagated_error::{CompletedStep, PropagatedError};
 pub use regularization::Regularization;
 pub use rodas4::Rodas4;
 pub(crate) use run::Sampler;
-pub use run::{Outcome, RunFailure, run, run_monitored};
+pub use run::{Outcome, RunFailure, advance, run, run_monitored};
 pub use schedule::Schedule;
 pub(crate) use schedule::is_end;
 pub use stiffness_policy::StiffnessPolicy;
@@ -96,6 +98,11 @@ pub trait TimeStepper {
     #[doc(hidden)]
     fn step_seen(&mut self, state: &mut State, dt: f64, _springs: &mut SpringEnergies<'_>) -> Result<(), StepFailure> {
         self.step(state, dt)
+    }
+
+    /// The times of kinks of gravity and rest lengths, ascending, in s. A run divides its steps there, see [`advance`].
+    fn load_kinks(&self) -> &[f64] {
+        &[]
     }
 
     /// Discards what was remembered of earlier steps. To be called where the state or its rate has been changed by anything but steps: by hand,

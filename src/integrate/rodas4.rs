@@ -383,6 +383,10 @@ impl TimeStepper for Rodas4<'_> {
         Some(self.linear.solver())
     }
 
+    fn load_kinks(&self) -> &[f64] {
+        self.linear.system.prescribed().load_kinks()
+    }
+
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         let system = self.linear.system;
         StepFailure::of_arguments(system, state, dt)?;

@@ -164,6 +164,63 @@ pub fn run_monitored(
     })
 }
 
+/// Advances a state by dt seconds as a step of a run: in parts that end at the kinks of gravity and rest lengths
+/// ([`TimeStepper::load_kinks`]). Between them forces are smooth in time, and no pulse passes unnoticed.
+///
+/// # Errors
+/// The reason why a part could not be done; the state is then unchanged.
+pub fn advance(stepper: &mut (impl TimeStepper + ?Sized), state: &mut State, dt: f64) -> Result<(), StepFailure> {
+    let parts = Parts::new(stepper, state.time, dt, state.time + dt);
+    if parts.kinks.len() == 0 {
+        return stepper.step(state, dt);
+    }
+    let mut next = state.clone();
+    for (length, end) in parts {
+        stepper.step(&mut next, length)?;
+        next.time = end;
+    }
+    state.copy_from(&next);
+    Ok(())
+}
+
+/// The parts of a step by the kinks of gravity and rest lengths within it: the length of each and the time of its end, in s.
+struct Parts {
+    kinks: std::vec::IntoIter<f64>,
+    start: f64,
+    /// The rest of the step; `None` when it is done.
+    rest: Option<(f64, f64)>,
+}
+
+/// The distance of a kink from an end of a step, relative to the step, up to which it is at that end.
+const AT_END: f64 = 1e-9;
+
+impl Parts {
+    fn new(stepper: &(impl TimeStepper + ?Sized), start: f64, dt: f64, end: f64) -> Self {
+        let slack = AT_END * dt + 4.0 * f64::EPSILON * end.abs();
+        let (kinks, mut last) = (stepper.load_kinks(), start);
+        let from = kinks.partition_point(|&kink| kink <= start + slack);
+        let to = kinks.partition_point(|&kink| kink < end - slack).max(from);
+        let apart = |&&kink: &&f64| {
+            let is_apart = kink > last + slack;
+            last = if is_apart { kink } else { last };
+            is_apart
+        };
+        let kinks: Vec<f64> = kinks.get(from..to).unwrap_or_default().iter().filter(apart).copied().collect();
+        Self { kinks: kinks.into_iter(), start, rest: Some((dt, end)) }
+    }
+}
+
+impl Iterator for Parts {
+    type Item = (f64, f64);
+
+    fn next(&mut self) -> Option<(f64, f64)> {
+        let Some(kink) = self.kinks.next() else { return self.rest.take() };
+        let length = kink - std::mem::replace(&mut self.start, kink);
+        self.rest = self.rest.map(|(_, end)| (end - kink, end));
+        Some((length, kink))
+    }
+}
+
 fn drive(
     stepper: &mut dyn TimeStepper,
     state: &mut State,
@@ -175,25 +232,28 @@ fn drive(
     // The time at which the whole schedule began, of which this may be a later part.
     let start = state.time - schedule.elapsed(steps);
     while let Some(dt) = schedule.step(steps) {
-        let before = state.time;
-        let mut done = match &mut monitor {
-            Some(monitor) => stepper.step_seen(state, dt, monitor.springs()),
-            None => stepper.step(state, dt),
-        };
-        if done.as_ref().is_err_and(|failure| failure.status() == Status::Interrupted) {
-            return Outcome { steps, end: Ok(ControlFlow::Break(())) };
-        }
         let number = steps + 1;
-        if done.is_ok() {
-            steps = number;
-            state.time = start + schedule.elapsed(steps);
-            if let Some(monitor) = &mut monitor {
-                monitor.propagate(stepper, state, dt);
-                done = monitor.enter(steps, state, dt);
+        let mut parts = Parts::new(stepper, state.time, dt, start + schedule.elapsed(number));
+        while let Some((length, end)) = parts.next() {
+            let before = state.time;
+            let mut done = match &mut monitor {
+                Some(monitor) => stepper.step_seen(state, length, monitor.springs()),
+                None => stepper.step(state, length),
+            };
+            if done.as_ref().is_err_and(|failure| failure.status() == Status::Interrupted) {
+                return Outcome { steps, end: Ok(ControlFlow::Break(())) };
             }
-        }
-        if let Err(failure) = done {
-            return Outcome::failed(number, before, failure, steps, state, monitor);
+            if done.is_ok() {
+                state.time = end;
+                steps += u64::from(parts.rest.is_none());
+                if let Some(monitor) = &mut monitor {
+                    monitor.propagate(stepper, state, length);
+                    done = monitor.enter(steps, state, length);
+                }
+            }
+            if let Err(failure) = done {
+                return Outcome::failed(number, before, failure, steps, state, monitor);
+            }
         }
         if observe(steps, state, monitor.as_deref()).is_break() && schedule.step(steps).is_some() {
             return Outcome { steps, end: Ok(ControlFlow::Break(())) };

@@ -155,6 +155,10 @@ impl TimeStepper for Verlet<'_> {
         "verlet"
     }
 
+    fn load_kinks(&self) -> &[f64] {
+        self.system.prescribed().load_kinks()
+    }
+
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         self.whole_step(state, dt, None)
     }

@@ -251,6 +251,10 @@ impl TimeStepper for WMethod<'_> {
         Some(self.linear.solver())
     }
 
+    fn load_kinks(&self) -> &[f64] {
+        self.linear.system.prescribed().load_kinks()
+    }
+
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         StepFailure::of_arguments(self.linear.system, state, dt)?;
         self.prepare(state, dt)?;

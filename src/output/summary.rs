@@ -239,7 +239,7 @@ pub struct EnergyChange {
     /// At the last good state.
     #[serde(rename = "final")]
     pub last: f64,
-    /// Work of moving constraints, dissipation, and the rest.
+    /// Work from outside, dissipation, and the rest.
     #[serde(flatten)]
     pub balance: Balance,
 }

@@ -166,7 +166,7 @@ pub struct Derivatives {
 /// It may depend on time, positions and velocities. If it provides its [derivatives](Self::add_derivatives), their symmetric parts enter the matrices, and a
 /// stiff force does not restrict the step: ∂f/∂x is added to K (under `tension` and `axial` its negative semidefinite part) and ∂f/∂v to G.
 /// Otherwise it is treated explicitly, which restricts the step but not the order of a method. Only `rodas4`, whose order requires the exact
-/// Jacobian, rejects a force without derivatives. The energy balance counts its work with that of moving constraints.
+/// Jacobian, rejects a force without derivatives. The energy balance counts its work as work from outside.
 ///
 /// # Examples
 /// A floor with a stiffness of 1 kN/m:

@@ -2,7 +2,7 @@
 //!
 //! **A step has no past** that starts at a kink of a path, of gravity or of a rest length, or whose interior or whose last step's interior holds one: a force that
 //! follows the path has a jump in its rate there, a damping force one of its own. (A path with kinks in both steps is a curve given
-//! by points closer than steps resolve them, and does not count.) Nor has a step a past that starts from a state where the last one did
+//! by points closer than steps resolve them, and does not count, unless the step is too long beside the last one.) Nor has a step a past that starts from a state where the last one did
 //! not end.
 //!
 //! **Local error.** The derivative at t' of the parabola through the values of y at t₋, t, t' is off by `h (h + h₋) y'''/6`, and the formula
@@ -30,8 +30,13 @@ use crate::integrate::{ErrorEstimate, zero_prescribed};
 use crate::system::{Dof, State, System};
 use nalgebra::Vector3;
 
+/// The largest ratio of a step to the last one, safely below 1 + √2.
+pub(super) const MOST_GROWTH: f64 = 2.0;
+
 /// The distance to the end of a step, relative to the step, within which a kink is at the end.
 const AT_END: f64 = 1e-9;
+
+/// The last step.
 pub(super) struct History {
     /// Its length, in s; `None` when there was none.
     length: Option<f64>,
@@ -65,7 +70,8 @@ impl History {
         let now = between(t - tolerance, t + h - tolerance);
         let before = between(t - last - tolerance, t - tolerance);
         let inside = between(t - last + tolerance, t - tolerance);
-        (now || inside) && !(now && before)
+        let is_curve = now && before && h <= MOST_GROWTH * last;
+        (now || inside) && !is_curve
     }
 
     /// True if a state is the end of the last step. Its time may have been rounded otherwise, and prescribed coordinates with it.

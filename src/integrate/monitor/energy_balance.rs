@@ -1,7 +1,7 @@
 //! The energy balance of a run.
 //!
 //! ```text
-//! E(t) − E(0) = work of constraints and external forces − dissipation of damping + imbalance.
+//! E(t) − E(0) = work of constraints, loads and rest lengths − dissipation of damping and drag + imbalance.
 //! ```
 //!
 //! Energies are those of the states and hold no error of their own; work and dissipation are integrals over the steps, right to
@@ -20,9 +20,10 @@ use serde::{Deserialize, Serialize};
 /// The balance of a run's energy since its start, in J.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Balance {
-    /// Work done by moving constraints, and by external forces.
+    /// Work done by moving constraints, by loads and other external forces except drag, and by rest lengths that change. Gravity that
+    /// changes in time is a load beyond its value at time zero.
     pub work: f64,
-    /// Dissipated by damping.
+    /// Dissipated by damping and drag.
     pub dissipated: f64,
     /// Final energy − initial energy − work + dissipated: energy from nowhere where positive, the method's own dissipation
     /// where negative.
@@ -38,7 +39,7 @@ pub(super) struct EnergyBalance {
     prescribed: [BodyEnergy; 2],
     /// Energy of the centre of mass of a scene that nothing holds.
     centre_of_mass: BodyEnergy,
-    /// Work of constraints on springs, and of external forces.
+    /// Work of constraints on springs, of loads, and of rest lengths.
     work: f64,
     dissipated: f64,
     /// The least that damping can have taken.

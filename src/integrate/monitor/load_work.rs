@@ -48,8 +48,8 @@ impl<'s> LoadWork<'s> {
     }
 
     /// Moves on from a state to another after a step of dt seconds: the work in the step, and the dissipation of drag.
-    pub fn enter(&mut self, states: [&State; 2], dt: f64) -> SpringSums {
-        let mut sums = self.drag(states, dt);
+    pub fn enter(&mut self, states: [&State; 2], dt: f64, is_accurate: bool) -> SpringSums {
+        let mut sums = self.drag(states, dt, is_accurate);
         sums.work += self.loads(states, dt) + self.external(states);
         sums
     }
@@ -95,7 +95,7 @@ impl<'s> LoadWork<'s> {
     }
 
     /// What drag dissipates, and the work of constraints against it.
-    fn drag(&self, [before, after]: [&State; 2], dt: f64) -> SpringSums {
+    fn drag(&self, [before, after]: [&State; 2], dt: f64, is_accurate: bool) -> SpringSums {
         let mut sums = SpringSums::default();
         if self.resolved.is_empty() {
             return sums;
@@ -110,7 +110,7 @@ impl<'s> LoadWork<'s> {
             sums.certain += certain;
             sums.dissipated += certain;
             sums.work += drag * dt * (mean - free).norm_squared();
-            if dt <= *resolved {
+            if is_accurate || dt <= *resolved {
                 let [start, end] = [before, after].map(|state| self.free_part(p, &state.velocities[p]));
                 let (slope, second) = (end - start, (start + end) * 0.5 - free);
                 sums.dissipated += drag * dt * (slope.norm_squared() / 12.0 + second.norm_squared() / 5.0);

@@ -92,6 +92,8 @@ pub struct Monitor<'s> {
     work: Work<'s>,
     /// Nothing holds the scene.
     is_loose: bool,
+    /// Steps have error control.
+    is_accurate: bool,
     record: MonitorCheckpoint,
     /// The last state from before energy appeared.
     saved: SavedState,
@@ -132,6 +134,7 @@ impl<'s> Monitor<'s> {
             springs,
             work,
             is_loose,
+            is_accurate: false,
             record,
             saved: SavedState { steps: 0, state: state.clone(), balance },
             last: state.clone(),
@@ -174,7 +177,8 @@ impl<'s> Monitor<'s> {
     pub fn enter(&mut self, steps: u64, state: &State, dt: f64) -> Result<(), StepFailure> {
         StepFailure::of_arguments(self.system, state, dt)?;
         self.before = (self.last.time, self.balance());
-        let sums = self.springs.enter(state, dt).add(&self.work.enter(&self.last, state, dt)).of_all_parts(self.system);
+        let work = self.work.enter(&self.last, state, dt, self.is_accurate);
+        let sums = self.springs.enter(state, dt).add(&work).of_all_parts(self.system);
         let particles = ParticleSums::at(self.system, state, self.is_loose);
         self.last.copy_from(state);
         self.record.balance.enter(&sums, &particles, self.work.energy(state));
@@ -220,8 +224,10 @@ impl<'s> Monitor<'s> {
         &mut self.springs
     }
 
-    /// The step entered next may err by so much energy, in J, by the method's own estimate: that much growth does not count.
+    /// The step entered next may err by so much energy, in J, by the method's own estimate: that much growth does not count. A run with
+    /// such estimates keeps them within its tolerance, so that the velocities of its states count as resolved.
     pub fn doubt(&mut self, energy: f64) {
+        self.is_accurate = true;
         self.record.growth.doubt(energy);
     }
 

@@ -108,15 +108,15 @@ impl<'s> Work<'s> {
     }
 
     /// Moves on from a state to another after a step of dt seconds: the work in the step, and the dissipation of driven springs and
-    /// of drag.
-    pub fn enter(&mut self, before: &State, after: &State, dt: f64) -> SpringSums {
+    /// of drag. The states of a run with error control are accurate: they count as resolved.
+    pub fn enter(&mut self, before: &State, after: &State, dt: f64, is_accurate: bool) -> SpringSums {
         let states = [before, after];
         for &Dof { particle, axis } in &self.moving {
             let [from, to] = states.map(|state| state.positions[particle][axis]);
             self.velocities[particle][axis] = Some((to - from) / dt);
         }
-        let mut sums = self.constraints(states, dt).add(&self.loads.enter(states, dt));
-        sums.work += self.actuation(states, dt);
+        let mut sums = self.constraints(states, dt).add(&self.loads.enter(states, dt, is_accurate));
+        sums.work += self.actuation(states, dt, is_accurate);
         sums
     }
 
@@ -157,7 +157,7 @@ impl<'s> Work<'s> {
     }
 
     /// The energy that springs take up because their rest lengths change, in J.
-    fn actuation(&self, states: [&State; 2], dt: f64) -> f64 {
+    fn actuation(&self, states: [&State; 2], dt: f64, is_accurate: bool) -> f64 {
         if self.actuated.is_empty() {
             return 0.0;
         }
@@ -165,7 +165,7 @@ impl<'s> Work<'s> {
         let times = [start, 0.5 * (start + end), end];
         let lengths = |number: usize, resolved: f64| {
             let [first, last] = self.ends(number, states);
-            let bent = if dt <= resolved { dt / 8.0 * (first.rate - last.rate) } else { 0.0 };
+            let bent = if is_accurate || dt <= resolved { dt / 8.0 * (first.rate - last.rate) } else { 0.0 };
             [first.length, 0.5 * (first.length + last.length) + bent, last.length]
         };
         let length = |number: usize, at: usize| lengths(number, resolved_step(self.system, number))[at];

@@ -36,7 +36,7 @@ fn a_spring_that_is_drawn_takes_its_tension_times_the_way() {
             state.velocities[1].x = u - rate(t);
             state
         };
-        Work::new(&system, &at(0.0)).enter(&at(0.0), &at(h), h)
+        Work::new(&system, &at(0.0)).enter(&at(0.0), &at(h), h, false)
     };
     let tension = |t: f64| 12.0 * (length(t) - 0.5);
     let h: f64 = 0.02;
@@ -85,7 +85,7 @@ fn work_is_the_mean_force_times_the_way() {
         let before = state.clone();
         state.time += 2.0;
         state.positions.iter_mut().zip(moves).for_each(|(x, moved)| *x += Vector3::from(moved));
-        work.enter(&before, state, 2.0).work
+        work.enter(&before, state, 2.0, false).work
     };
     // From 1 s to 3 s: the first particle is pulled by twice (3, 5, −4) in the mean, the second by three times that.
     let expected = 2.0 * (1.5 + 1.25 + 8.0) + 3.0 * -4.0 * 0.125;
@@ -113,7 +113,7 @@ fn actuated(factor: f64) -> (System, State) {
 fn rest_lengths_that_change_take_up_energy() {
     let (system, start) = actuated(0.1);
     let after = State { time: 1.0, ..start.clone() };
-    let work = Work::new(&system, &start).enter(&start, &after, 1.0).work;
+    let work = Work::new(&system, &start).enter(&start, &after, 1.0, false).work;
     let expected = 3.0 * (0.95 * 0.95 / 0.05 - 0.25 / 0.5);
     assert!((work - expected).abs() < 1e-12 * expected, "{work} {expected}");
 
@@ -127,7 +127,7 @@ fn rest_lengths_that_change_take_up_energy() {
     let run = |steps: u32| {
         let h = 1.0 / f64::from(steps);
         let mut work = Work::new(&system, &at(0.0));
-        (0..steps).map(|k| work.enter(&at(h * f64::from(k)), &at(h * f64::from(k + 1)), h).work).sum::<f64>()
+        (0..steps).map(|k| work.enter(&at(h * f64::from(k)), &at(h * f64::from(k + 1)), h, false).work).sum::<f64>()
     };
     // ∂U/∂t = −½ k (l²/l0² − 1) l0', by the midpoint rule.
     let power = |t: f64| {
@@ -160,7 +160,7 @@ fn gravity_that_changes_works_on_the_way() {
     let (h, mut work) = (0.5, Work::new(&system, &at(0.0)));
     // ∫ 2·6t (3 − 4t + 15t²) dt, and 5 N along x.
     let expected = 12.0 * h * h * (1.5 + h * (-4.0 / 3.0 + h * 15.0 / 4.0)) + 5.0 * h;
-    let found = work.enter(&at(0.0), &at(h), h);
+    let found = work.enter(&at(0.0), &at(h), h, false);
     assert!((found.work - expected).abs() < 1e-13 && found.dissipated == 0.0, "{found:?} {expected}");
 }
 
@@ -181,7 +181,7 @@ fn drag_dissipates() {
         state
     };
     for (h, is_resolved) in [(0.5, true), (0.51, false)] {
-        let found = Work::new(&system, &at(0.0)).enter(&at(0.0), &at(h), h);
+        let found = Work::new(&system, &at(0.0)).enter(&at(0.0), &at(h), h, false);
         // ∫ (1 − 2t + 6t²)² dt, and of the mean velocity alone.
         let squares = h * (1.0 + h * (-2.0 + h * (16.0 / 3.0 + h * (-6.0 + h * 36.0 / 5.0))));
         let mean = 1.0 + h * (-1.0 + h * 2.0);
