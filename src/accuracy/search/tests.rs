@@ -93,17 +93,19 @@ fn finer_steps_pay_where_errors_fall() {
     assert!(!fine.pays(1e-9, None) && !candidate(Method::Bdf2, StepControl::Step(0.125)).pays(1e-9, before));
 }
 
-/// Every method that was asked for gets to the accuracy while its errors fall as they should; a tenth of a per cent takes Euler's methods thousands
+/// Every method that was asked for gets to the accuracy while its errors fall as they should; a per cent takes Euler's methods thousands
 /// of steps. Below rounding nothing can be confirmed, and that is said.
 #[test]
 fn methods_of_fixed_steps_reach_their_accuracy() {
     let (system, start) = oscillator();
     let exact = 2.0 - (2.0 * 10f64.sqrt()).cos();
-    for method in [Method::Verlet, Method::SymplecticEuler, Method::ForwardEuler, Method::LinearBackwardEuler] {
-        let options = AccuracyOptions { method: Some(method), ..options(1e-3) };
+    let first_order = [Method::SymplecticEuler, Method::ForwardEuler, Method::LinearBackwardEuler];
+    let asked = first_order.map(|method| (method, 1e-2)).into_iter().chain([(Method::Verlet, 1e-4)]);
+    for (method, accuracy) in asked {
+        let options = AccuracyOptions { method: Some(method), ..options(accuracy) };
         let answer = run_to_accuracy(&system, &start, &options, &mut (), &|| true).unwrap().unwrap();
         let error = (answer.state.positions[1].x - exact).abs() / extent(&answer.state.positions, &start.positions);
-        assert!(answer.verdict == Verdict::Confirmed && error < 1e-3, "{}: {error:e}", method.name());
+        assert!(answer.verdict == Verdict::Confirmed && error < accuracy, "{}: {error:e}", method.name());
     }
     for method in [None, Some(Method::Verlet)] {
         let options = AccuracyOptions { method, ..options(1e-14) };
