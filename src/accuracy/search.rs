@@ -16,8 +16,11 @@ use crate::system::{State, System};
 use faer::Par;
 use std::ops::ControlFlow;
 
+mod candidate;
 #[cfg(test)]
 mod tests;
+
+use candidate::{Candidate, FINER};
 
 /// The accuracy required of an answer, and the choices of the search.
 #[derive(Debug, Clone, Copy)]
@@ -135,10 +138,6 @@ impl<R> Answer<R> {
     }
 }
 
-/// The factor by which the second run's steps are finer, at least: the least for which its difference from the first tells the
-/// error of the first.
-const FINER: f64 = 2.0;
-
 /// Nine in ten propagated errors are within so many times of the truth (`verification/study.md`): a difference beyond that is not
 /// explained by them.
 const AGREEMENT: f64 = 3.0;
@@ -146,58 +145,14 @@ const AGREEMENT: f64 = 3.0;
 /// The relative error from which the linear equation of propagated errors does not hold, and below which an answer resolves a motion.
 const LINEAR: f64 = 0.1;
 
-/// The search goes on for so many times the cost of the run whose propagated error first exceeds the accuracy. A choice.
+/// The search goes on for so many times the cost of the last run whose finer steps paid: its propagated error is smaller than that of the run before by
+/// half of the digits that the order promises. A choice.
 const WORTH: f64 = 10.0;
 
 /// Runs that break down, each with steps four times as fine as the one before, until the search ends. A choice.
 const MOST_FAILURES: u32 = 6;
 
-/// The tolerance below which the error estimates of steps are rounding, for double precision and methods of order eight.
-const LEAST_TOLERANCE: f64 = 1e-11;
-
-/// A method with its step or tolerance.
-#[derive(Debug, Clone, Copy)]
-struct Candidate {
-    configuration: Configuration,
-    control: StepControl,
-}
-
-impl Candidate {
-    /// With steps so many times as fine, by the order of the method.
-    fn finer(self, factor: f64) -> Self {
-        let order = self.configuration.method.order() as i32;
-        let control = match self.control {
-            StepControl::Step(dt) => StepControl::Step(dt / factor),
-            StepControl::Adaptive { rtol, first_step } => {
-                StepControl::Adaptive { rtol: (rtol / factor.powi(order)).max(LEAST_TOLERANCE), first_step }
-            }
-        };
-        Self { control, ..self }
-    }
-
-    /// i, by which errors of the finer run are expected to be smaller: half of the digits that the order promises. With `e' ≤ e/i` two runs
-    /// are at least `e − e' ≥ (i − 1) e'` apart.
-    fn improvement(&self) -> f64 {
-        FINER.powf(0.5 * f64::from(self.configuration.method.order()))
-    }
-
-    fn is_at_the_limit(&self) -> bool {
-        matches!(self.control, StepControl::Adaptive { rtol, .. } if rtol <= LEAST_TOLERANCE)
-    }
-
-    /// The cost of a run of another candidate over that of this one, by their orders; 1 for another kind of steps.
-    fn cost_ratio(&self, other: &Self) -> f64 {
-        match (self.control, other.control) {
-            (StepControl::Step(dt), StepControl::Step(finer)) => dt / finer,
-            (StepControl::Adaptive { rtol, .. }, StepControl::Adaptive { rtol: finer, .. }) => {
-                (rtol / finer).powf(1.0 / f64::from(self.configuration.method.order()))
-            }
-            _ => 1.0,
-        }
-    }
-}
-
-/// Runs until the answer is confirmed, or cannot be for ten times the cost. `None` where no run comes to its end. Where `go_on`
+/// Runs until the answer is confirmed, or finer steps of ten times the cost do not make errors smaller. `None` where no run comes to its end. Where `go_on`
 /// returns `false` the search ends with the best answer so far, as interrupted.
 ///
 /// # Errors
@@ -243,7 +198,9 @@ pub fn run_to_accuracy<O: Observer>(
     let mut candidate = search.first_candidate()?;
     let (mut failures, mut worth) = (0, f64::INFINITY);
     let mut best: Option<(Candidate, Answer<O::Records>)> = None;
-    let mut until = None;
+    let (mut until, mut before, mut apart_before) = (None, None, None);
+    // Runs that stay apart, however small the propagated errors: these do not tell the truth.
+    let mut stay_apart = false;
     let verdict = loop {
         let coarse = match search.run(candidate, true)? {
             Attempt::Completed(run) => *run,
@@ -256,9 +213,14 @@ pub fn run_to_accuracy<O: Observer>(
             Attempt::Failed => break Verdict::Unconfirmed("finer runs break down".into()),
         };
         let estimate = coarse.estimated_error.unwrap_or(f64::INFINITY);
-        let improvement = candidate.improvement();
+        // With `e' ≤ e/i` two runs are at least `e − e' ≥ (i − 1) e'` apart.
+        let improvement = candidate.improvement(FINER);
         let allowed = accuracy.max(LINEAR.min(accuracy * (improvement - 1.0)));
         until = coarse.predictable_until;
+        if candidate.pays(estimate, before) && !stay_apart {
+            worth = WORTH * coarse.cost;
+        }
+        before = Some((candidate, estimate));
         if estimate <= allowed {
             let second = candidate.finer(FINER);
             let mut fine = match search.run(second, false)? {
@@ -281,6 +243,8 @@ pub fn run_to_accuracy<O: Observer>(
                 (best, until) = (Some((second, fine)), None);
                 break Verdict::Confirmed;
             }
+            stay_apart |= apart_before.is_some() && !second.pays(apart, apart_before);
+            apart_before = Some((second, apart));
             fine.estimated_error = Some(apart.max(error));
             best = Some((second, fine));
             worth = worth.min(WORTH * search.spent);
@@ -295,11 +259,13 @@ pub fn run_to_accuracy<O: Observer>(
             best = Some((candidate, coarse));
             candidate = next;
         }
-        let is_over = |(last, run): &(Candidate, Answer<O::Records>)| {
-            run.cost * last.cost_ratio(&candidate) > worth || last.is_at_the_limit()
-        };
-        if best.as_ref().is_some_and(is_over) {
+        let Some((last, run)) = &best else { continue };
+        if accuracy < last.rounding(run.steps) {
+            break Verdict::Unconfirmed("as rounding outweighs what shorter steps gain".into());
+        } else if last.is_at_the_limit() {
             break Verdict::Unconfirmed("as the motion magnifies the errors of its steps".into());
+        } else if run.cost * last.cost_ratio(&candidate) > worth {
+            break Verdict::Unconfirmed("as shorter steps hardly make its error smaller".into());
         }
     };
     Ok(best.map(|(_, run)| Answer {
@@ -375,7 +341,9 @@ impl<O: Observer> Search<'_, O> {
     fn refined(&self, candidate: Candidate, error: Option<f64>, excess: f64) -> Candidate {
         let order = f64::from(candidate.configuration.method.order());
         let is_saturated = error.is_none_or(|error| error > LINEAR);
-        let needed = if is_saturated { FINER * FINER } else { (2.0 * excess).powf(1.0 / order) };
+        let needed = (2.0 * excess).powf(1.0 / order);
+        // Steps that cost far more are only worth it where finer ones pay, which a run between tells.
+        let needed = if is_saturated || needed > WORTH { FINER * FINER } else { needed };
         let is_free = self.options.method.is_none() && candidate.configuration.method == Method::Verlet;
         if is_free && needed >= FINER * FINER {
             self.adaptive(Method::Dop853)

@@ -168,6 +168,17 @@ impl<'c> Subject<'c> {
         2.0 * run.steps() as f64 * left * self.dt * self.dt * moved
     }
 
+    /// The rounding of the states in J, once: samples of differences may all be smaller by chance.
+    fn rounding(&self) -> f64 {
+        let states: Vec<&State> = self.run.states().collect();
+        let of = |cotangent: &Cotangent| {
+            let state = states.get(cotangent.step)?;
+            let pairs = [(&cotangent.positions, &state.positions), (&cotangent.velocities, &state.velocities)];
+            Some(pairs.into_iter().flat_map(|(c, x)| c.iter().zip(x)).map(|(c, x)| c.abs().dot(&x.abs())).sum::<f64>())
+        };
+        U * self.cost.iter().filter_map(of).sum::<f64>()
+    }
+
     fn slope(&self) -> Result<f64> {
         Ok(self.run.gradient(&self.cost)?.dot(&self.change))
     }
@@ -178,7 +189,7 @@ impl<'c> Subject<'c> {
             let rise = self.difference(h)?;
             Ok([rise.abs(), (rise - h * slope).abs()])
         };
-        let mut rounding = self.solves();
+        let mut rounding = self.solves() + self.rounding();
         for part in [1.0, -1.0, 0.75, -0.75] {
             rounding = worst([rounding, remainders(part * FINEST)?[1]]);
         }
@@ -254,6 +265,10 @@ impl Subject<'_> {
         let changes = run.tangents(std::slice::from_ref(&self.change), &steps)?.swap_remove(0);
         let gradient = run.gradient(&self.cost)?;
         let (mut forward, mut size) = (0.0, gradient.sum_with(&self.change, |a, b| (a * b).abs()));
+        // In the derivatives by masses, δm λ·(a − g), the weight of a free fall cancels its acceleration.
+        let masses = self.change.masses.iter().zip(case.system.masses());
+        let lighter = masses.map(|(change, mass)| (change / mass).abs()).fold(0.0, f64::max);
+        size += lighter * gradient.gravity.abs().dot(&case.system.gravity().abs());
         for (cotangent, [x, v]) in self.cost.iter().zip(&changes) {
             for (c, d) in cotangent.positions.iter().chain(&cotangent.velocities).zip(x.iter().chain(v)) {
                 forward += c.dot(d);

@@ -340,8 +340,9 @@ impl Bdf2Step {
             let (x, v) = (state.positions[p], state.velocities[p]);
             prediction.positions[p] = x + v * h;
             if let Some(before) = before {
-                base.positions[p] = (x * 4.0 - before.positions[p]) / 3.0;
-                base.velocities[p] = (v * 4.0 - before.velocities[p]) / 3.0;
+                // In this form what rests has no rounding: of a far held particle that would be a velocity.
+                base.positions[p] = x + (x - before.positions[p]) / 3.0;
+                base.velocities[p] = v + (v - before.velocities[p]) / 3.0;
                 prediction.positions[p] += (v - before.velocities[p]) * (0.5 * h);
             }
         }

@@ -40,7 +40,7 @@ fn finer_runs_have_half_the_step() {
         let fixed = candidate(method, StepControl::Step(0.5));
         assert_eq!(fixed.finer(2.0).control, StepControl::Step(0.25));
         assert_eq!(fixed.cost_ratio(&fixed.finer(2.0)), 2.0);
-        assert!((fixed.improvement() - 2f64.powi(order).sqrt()).abs() < 1e-12, "{}", method.name());
+        assert!((fixed.improvement(2.0) - 2f64.powi(order).sqrt()).abs() < 1e-12, "{}", method.name());
         assert!(!fixed.is_at_the_limit());
 
         let adaptive = candidate(method, ADAPTIVE);
@@ -75,9 +75,47 @@ fn the_excess_of_the_error_decides_how_much_finer() {
     assert_eq!(refined(Some(verlet), verlet, Some(0.01), 18.0), (verlet, StepControl::Step(0.5 / 6.0)));
     let (method, control) = refined(None, verlet, Some(0.01), 18.0);
     assert!(method == Method::Dop853 && matches!(control, StepControl::Adaptive { .. }));
+    // More than ten times as fine is a leap that a run between must show to pay.
+    assert_eq!(refined(None, bdf2, Some(0.01), 51.0), (bdf2, StepControl::Step(0.125)));
     // An error that is saturated tells nothing of the step.
     assert_eq!(refined(None, bdf2, Some(0.5), 1e6), (bdf2, StepControl::Step(0.125)));
     assert_eq!(refined(None, bdf2, None, 1.0), (bdf2, StepControl::Step(0.125)));
+}
+
+/// Steps four times as fine pay where the error falls by half of the digits that the order promises, and nothing is known of another method.
+#[test]
+fn finer_steps_pay_where_errors_fall() {
+    let (coarse, fine) =
+        (candidate(Method::Verlet, StepControl::Step(0.5)), candidate(Method::Verlet, StepControl::Step(0.125)));
+    let before = Some((coarse, 0.08));
+    assert_eq!([0.005, 0.02, 0.021, f64::INFINITY].map(|error| fine.pays(error, before)), [true, true, false, false]);
+    assert!(fine.pays(1.0, Some((coarse, f64::INFINITY))) && !fine.pays(f64::INFINITY, Some((coarse, f64::INFINITY))));
+    assert!(!fine.pays(1e-9, None) && !candidate(Method::Bdf2, StepControl::Step(0.125)).pays(1e-9, before));
+}
+
+/// Every method that was asked for gets to the accuracy while its errors fall as they should; a per cent takes Euler's methods thousands
+/// of steps. Below rounding nothing can be confirmed, and that is said.
+#[test]
+fn methods_of_fixed_steps_reach_their_accuracy() {
+    let (system, start) = oscillator();
+    let exact = 2.0 - (2.0 * 10f64.sqrt()).cos();
+    let first_order = [Method::SymplecticEuler, Method::ForwardEuler, Method::LinearBackwardEuler];
+    let asked = first_order.map(|method| (method, 1e-2)).into_iter().chain([(Method::Verlet, 1e-4)]);
+    for (method, accuracy) in asked {
+        let options = AccuracyOptions { method: Some(method), ..options(accuracy) };
+        let answer = run_to_accuracy(&system, &start, &options, &mut (), &|| true).unwrap().unwrap();
+        let error = (answer.state.positions[1].x - exact).abs() / extent(&answer.state.positions, &start.positions);
+        assert!(answer.verdict == Verdict::Confirmed && error < accuracy, "{}: {error:e}", method.name());
+    }
+    for method in [None, Some(Method::Verlet)] {
+        let options = AccuracyOptions { method, ..options(1e-14) };
+        let answer = run_to_accuracy(&system, &start, &options, &mut (), &|| true).unwrap().unwrap();
+        assert!(
+            matches!(&answer.verdict, Verdict::Unconfirmed(why) if why.contains("rounding")),
+            "{:?}",
+            answer.verdict
+        );
+    }
 }
 
 /// The particle swings to 3 m, twice its distance from rest, and ends elsewhere.
