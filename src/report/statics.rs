@@ -297,7 +297,8 @@ pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
         _ => {}
     }
     if others > 0 && found.movers.is_empty() {
-        text += "  so many mechanisms are only counted: which particles move, and what prestress does, is not computed\n";
+        text +=
+            "  so many mechanisms are only counted: which particles move, and what prestress does, is not computed\n";
     }
     for movers in found.movers.iter().take(20) {
         let _ = writeln!(text, "  moves: particles {}", ranges(movers));
