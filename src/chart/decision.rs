@@ -23,6 +23,9 @@ pub struct Decision<'a> {
     pub methods: Vec<&'a Run>,
 }
 
+const LONGEST_STEPS: &str = "Steps from which on every shorter one did better";
+const NOWHERE: &str = "nowhere";
+
 impl WorkPrecision {
     /// Decisions for errors of 10 %, 1 %, … as far as runs that can be relied on reach.
     pub fn decisions(&self) -> Vec<Decision<'_>> {
@@ -56,12 +59,27 @@ impl WorkPrecision {
     /// The conclusions of the sweep, in one sentence each.
     pub fn conclusions(&self) -> Vec<String> {
         let mut all = self.recommendations();
-        all.extend(self.best_options());
+        all.extend(self.best_options().map(|(heading, options)| format!("{heading}: {}.", options.join("; "))));
         let limits: Vec<_> = self.longest_steps().into_iter().map(|(name, limit)| format!("{name} {limit}")).collect();
         if !limits.is_empty() {
-            all.push(format!("Steps from which on every shorter one did better: {}.", limits.join("; ")));
+            all.push(format!("{LONGEST_STEPS}: {}.", limits.join("; ")));
         }
         all
+    }
+
+    /// The conclusions for a terminal, in short lines: the recommendations, and a line for each method that some run speaks for.
+    pub fn conclusion_lines(&self) -> Vec<String> {
+        let mut lines = self.recommendations();
+        let mut list = |heading: &str, items: Vec<String>| {
+            if !items.is_empty() {
+                lines.push(format!("{heading}:"));
+                lines.extend(items.into_iter().map(|item| format!("  {item}")));
+            }
+        };
+        self.best_options().into_iter().for_each(|(heading, options)| list(&heading, options));
+        let reached = self.longest_steps().into_iter().filter(|(_, limit)| !limit.starts_with(NOWHERE));
+        list(LONGEST_STEPS, reached.map(|(name, limit)| format!("{name} {limit}")).collect());
+        lines
     }
 
     /// The configuration to use for each accuracy, in one sentence each.
@@ -116,8 +134,8 @@ impl WorkPrecision {
             let mut of_method = all.iter().filter(|curve| curve.method == best.method).flat_map(|curve| &curve.runs);
             let limit = match tail(&best, self.floor()).last() {
                 Some(run) => format!("up to {}", run.step_control()),
-                None if of_method.any(|run| run.useful_error().is_some()) => "nowhere".into(),
-                None => "nowhere, no run succeeded".into(),
+                None if of_method.any(|run| run.useful_error().is_some()) => NOWHERE.into(),
+                None => format!("{NOWHERE}, no run succeeded"),
             };
             (name(&best.method, best.stiffness, best.solver), limit)
         };
@@ -125,7 +143,7 @@ impl WorkPrecision {
     }
 
     /// The best option of each method for an error below 1 %, or what can be had nearest to it.
-    fn best_options(&self) -> Option<String> {
+    fn best_options(&self) -> Option<(String, Vec<String>)> {
         let decisions = self.decisions();
         let decision = decisions.get(1).or(decisions.first())?;
         let each = decision.methods.iter().map(|run| {
@@ -133,7 +151,7 @@ impl WorkPrecision {
             format!("{name} with {} ({} force evaluations)", run.step_control(), short(run.cost))
         });
         let percent = short(100.0 * decision.accuracy);
-        Some(format!("The best option of each method below {percent} %: {}.", each.collect::<Vec<_>>().join("; ")))
+        Some((format!("The best option of each method below {percent} %"), each.collect()))
     }
 }
 

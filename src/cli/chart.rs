@@ -124,7 +124,7 @@ impl Chart {
                 chart.excluded.len()
             ));
         }
-        lines.extend(chart.conclusions().iter().map(|sentence| format!("  {sentence}")));
+        lines.extend(chart.conclusion_lines().iter().map(|sentence| format!("  {sentence}")));
         lines.push(format!("  files      {} and chart/*.svg in {}", FILES.join(", "), folder.display()));
         console.result(&report, lines.join("\n"))?;
         if map.missing > 0 && !is_interrupted() {

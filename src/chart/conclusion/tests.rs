@@ -100,6 +100,20 @@ fn decisions_are_the_least_of_what_can_be_relied_on() {
          w2 (tension) up to dt = 0.1 s; w2, adaptive (on-demand) up to adaptive steps, rtol = 0.01; \
          symplectic-euler up to dt = 0.025 s; verlet nowhere; bdf2 (on-demand) nowhere, no run succeeded.";
     assert_eq!(chart.conclusions(), [sentences[0], sentences[1], options, reaches]);
+    // On a terminal a line each, without those that no run speaks for.
+    let lines = [
+        "The best option of each method below 1 %:",
+        "  symplectic-euler with dt = 0.025 s (90 force evaluations)",
+        "  w2 (on-demand) with adaptive steps, rtol = 0.001 (290 force evaluations)",
+        "  w2 (tension) with dt = 0.05 s (300 force evaluations)",
+        "  linear-backward-euler (full) with dt = 0.025 s (400 force evaluations)",
+        "Steps from which on every shorter one did better:",
+        "  linear-backward-euler (axial, cg) up to dt = 0.1 s",
+        "  w2 (tension) up to dt = 0.1 s",
+        "  w2, adaptive (on-demand) up to adaptive steps, rtol = 0.01",
+        "  symplectic-euler up to dt = 0.025 s",
+    ];
+    assert_eq!(chart.conclusion_lines(), [&sentences[..], &lines[..]].concat());
     // Without Euler's method, and without anything.
     let mut others = chart.clone();
     others.runs.retain(|run| run.method != EULER);
