@@ -297,7 +297,8 @@ impl Raw {
             return reject(format!("{unit} {place}: names vertex {number}, and the last is {last}"));
         }
         let omitted = omitted.map(|(count, place, defect)| {
-            let (parts, first) = if count == 1 { ("face or segment", "") } else { ("faces or segments", "the first is ") };
+            let (parts, first) =
+                if count == 1 { ("face or segment", "") } else { ("faces or segments", "the first is ") };
             format!("{}: {count} {parts} left out ({first}in {unit} {place}, which names {defect})", path.display())
         });
         let (edges, places) = unique(edges);

@@ -43,7 +43,8 @@ fn add_statement(raw: &mut Raw, line: &str, place: u32) -> Result<(), Fault> {
             let number = |word: &str| word.parse().map_err(|_| fault(format!("{word:?} is no number")));
             let numbers: Vec<f64> = words.map(number).collect::<Result<_, _>>()?;
             // A weight or a colour may follow.
-            let (&[x, y, z], 0 | 1 | 3 | 4) = numbers.split_first_chunk().map_or((&[0.0; 3], 2), |(x, more)| (x, more.len()))
+            let (&[x, y, z], 0 | 1 | 3 | 4) =
+                numbers.split_first_chunk().map_or((&[0.0; 3], 2), |(x, more)| (x, more.len()))
             else {
                 return Err(fault(format!(
                     "a vertex has 3 coordinates, and may have a weight and 3 colours: not {} numbers",

@@ -40,7 +40,10 @@ fn obj_has_marks_comments_continuations_and_lines() {
     assert_eq!(rope.place(1), "line 5: an edge joins vertices 2 and 3");
     let repeated = read(format!("{vertices}f 1 1 2\nf 1 2 3\nf 2 3 2")).unwrap();
     assert_eq!(repeated.edges, [[0, 1], [0, 2], [1, 2]]);
-    assert_eq!(repeated.notes, ["mesh: 2 faces or segments left out (the first is in line 5, which names a vertex twice)"]);
+    assert_eq!(
+        repeated.notes,
+        ["mesh: 2 faces or segments left out (the first is in line 5, which names a vertex twice)"]
+    );
 }
 
 /// The last line may be continued into nothing, lines may end in carriage returns alone, and words left over are no vertex's.
@@ -70,10 +73,7 @@ fn every_statement_of_obj_counts() {
 /// What is wrong is named by its place and its value.
 #[test]
 fn wrong_vertices_are_named() {
-    assert_eq!(
-        read("v 0 0 0\nv nan 0 0").unwrap_err(),
-        "mesh: line 2: the coordinates [NaN, 0.0, 0.0] must be finite"
-    );
+    assert_eq!(read("v 0 0 0\nv nan 0 0").unwrap_err(), "mesh: line 2: the coordinates [NaN, 0.0, 0.0] must be finite");
     assert_eq!(
         read("solid\nfacet normal 0 0 1\nouter loop\nvertex 0 1e999 0\n").unwrap_err(),
         "mesh: line 4: the coordinates [0.0, inf, 0.0] must be finite"
