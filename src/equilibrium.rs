@@ -173,7 +173,8 @@ pub fn equilibrium(system: &System, state: &State, options: EquilibriumOptions) 
     }
     if system.external_forces().next().is_some() {
         return Err(Error::Unsupported(
-            "a force from outside of the caller's own has no potential, which the search needs".into(),
+            "the search for an equilibrium needs potential energies, and external forces given as functions have none"
+                .into(),
         ));
     }
     let mut search = Search::new(system, state, options)?;

@@ -58,7 +58,7 @@ pub enum Error {
         room: u64,
     },
     /// A step of a run that is kept to be differentiated broke down.
-    #[error("step {step}, from t = {time} s, broke down: {reason}")]
+    #[error("step {step}, from t = {} s, broke down: {reason}", significant(*time, 6))]
     Breakdown {
         /// The number of the step, from 1.
         step: usize,
@@ -86,6 +86,16 @@ impl Error {
         Self::Io { path: path.into(), source }
     }
 
+    /// An error of reading text, which must be UTF-8.
+    pub fn reading_text(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
+        match source.kind() {
+            std::io::ErrorKind::InvalidData => {
+                Self::Format { file: path.into(), message: "is no text in UTF-8".into() }
+            }
+            _ => Self::io(path, source),
+        }
+    }
+
     /// Adds the file to an invalid value or a degenerate spring that has none yet. Other errors are returned unchanged.
     pub fn in_file(self, path: impl AsRef<Path>) -> Self {
         match self {
@@ -108,6 +118,26 @@ pub(crate) fn check_length(name: &str, found: usize, expected: usize) -> Result<
         return Ok(());
     }
     Err(Invalid::new(name, format!("{found} entries"), format!("must have {expected}")).into())
+}
+
+/// A number of at most so many significant digits, in plain notation where that is short: `0.35`, `-1380.19`, `2.5e-7`.
+pub(crate) fn significant(value: f64, digits: usize) -> String {
+    let rounded: f64 = format!("{value:.*e}", digits.saturating_sub(1)).parse().unwrap_or(value);
+    // Without the sign of zero.
+    let rounded = rounded + 0.0;
+    let is_plain = rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs()) || !rounded.is_finite();
+    if is_plain { rounded.to_string() } else { format!("{rounded:e}") }
+}
+
+/// `each of the 3 particles`, and `the only particle` of one.
+pub(crate) fn each(count: usize, of: &str) -> String {
+    match count {
+        1 => {
+            let (noun, rest) = of.split_at(of.find(' ').unwrap_or(of.len()));
+            format!("the only {}{rest}", noun.strip_suffix('s').unwrap_or(noun))
+        }
+        _ => format!("each of the {count} {of}"),
+    }
 }
 
 /// A size in kB, MB or GB.
@@ -151,7 +181,7 @@ pub struct Invalid {
     pub key: String,
     /// The index in the list.
     pub index: Option<usize>,
-    /// The value as text.
+    /// The value as text; empty where there is none.
     pub value: String,
     /// The rule that the value breaks.
     pub rule: String,
@@ -178,6 +208,9 @@ impl fmt::Display for Invalid {
         if let Some(index) = self.index {
             write!(f, "[{index}]")?;
         }
+        if self.value.is_empty() {
+            return write!(f, ": {}", shortened(&self.rule));
+        }
         let value = match self.value.parse::<f64>() {
             // 24 characters hold every double in plain notation that is not mostly zeros.
             Ok(number) if self.value.len() > 24 => format!("{number:e}").into(),
@@ -201,7 +234,7 @@ pub struct DegenerateSpring {
 
 #[cfg(test)]
 mod tests {
-    use super::{Error, Invalid, readable};
+    use super::{Error, Invalid, each, readable, significant};
 
     #[test]
     fn small_and_large_numbers_are_readable() {
@@ -210,6 +243,17 @@ mod tests {
         {
             assert_eq!(Invalid::new("k", value, "no").to_string(), expected);
         }
+    }
+
+    #[test]
+    fn messages_fit_their_numbers() {
+        let numbers = [0.1 + 0.2, 2e11, 4.1e-9, 8397.1772, 0.0, -1e-300].map(|value| significant(value, 3));
+        assert_eq!(numbers, ["0.3", "2e11", "4.1e-9", "8400", "0", "-1e-300"]);
+        assert_eq!(
+            [1, 2].map(|count| each(count, "particles of the scene")),
+            ["the only particle of the scene", "each of the 2 particles of the scene"]
+        );
+        assert_eq!(Invalid::new("k", "", "must be given").to_string(), "k: must be given");
     }
 
     #[test]

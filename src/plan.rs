@@ -4,7 +4,7 @@
 //! [runs](Stepper::run).
 
 use crate::accuracy::{AccuracyOptions, Configuration, SpectralRadius, adaptive_stepper, default_method};
-use crate::error::Result;
+use crate::error::{Result, significant};
 use crate::integrate::{
     AdaptiveOptions, AdaptiveStepper, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, OutputTimes, Schedule,
     StiffnessPolicy, TimeStepper, run_adaptive_monitored, run_monitored, threshold,
@@ -173,14 +173,12 @@ impl RunOptions {
 /// The method for steps of dt seconds: the explicit one of second order where they resolve the fastest vibration, else the implicit one.
 fn of_fixed_step(system: &System, state: &State, dt: f64) -> Result<(Method, String)> {
     let limit = SpectralRadius::at(system, state)?.verlet_limit();
+    let stable = format!("explicit steps are stable up to {} s", significant(limit, 4));
     // Steps near the limit are stable and hardly accurate.
     Ok(if dt <= 0.5 * limit {
-        (
-            Method::Verlet,
-            format!("the step resolves the fastest vibration: explicit steps are stable up to {limit:.3e} s"),
-        )
+        (Method::Verlet, format!("the step resolves the fastest vibration: {stable}"))
     } else {
-        (Method::Bdf2, format!("explicit steps are stable up to {limit:.3e} s"))
+        (Method::Bdf2, stable)
     })
 }
 

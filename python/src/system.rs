@@ -38,10 +38,11 @@ pub struct System {
 type GivenConstraint = (Vec<usize>, Option<Vec<usize>>, Option<[f64; 3]>, Option<(Vec<f64>, Vec<[f64; 3]>)>);
 
 impl System {
-    fn of_scene(scene: Scene) -> PyResult<Self> {
-        let Built { system, state: start, triangles, .. } = scene.build_with_notes().map_err(raised)?;
+    /// The system of a scene, and the notes on its mesh.
+    fn of_scene(scene: Scene) -> PyResult<(Self, Vec<String>)> {
+        let Built { system, state: start, triangles, notes } = scene.build_with_notes().map_err(raised)?;
         let (system, functions) = (Arc::new(system), Functions::default());
-        Ok(Self { system, functions, start, name: scene.name, time: scene.time, triangles })
+        Ok((Self { system, functions, start, name: scene.name, time: scene.time, triangles }, notes))
     }
 
     /// The system with the user's functions, for a computation that has this flag.
@@ -116,13 +117,13 @@ impl System {
 
     /// From a scene file.
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<(Self, Vec<String>)> {
         py.detach(|| Scene::load(path).map_err(raised).and_then(Self::of_scene))
     }
 
     /// From the text of a scene file, `toml` or `json`.
     #[staticmethod]
-    fn parse(py: Python<'_>, text: &str, format: &str) -> PyResult<Self> {
+    fn parse(py: Python<'_>, text: &str, format: &str) -> PyResult<(Self, Vec<String>)> {
         let parse = match format {
             "toml" => Scene::from_toml,
             "json" => Scene::from_json,
@@ -140,7 +141,7 @@ impl System {
         let kind = names::kind(kind)?;
         let size = size.unwrap_or(kind.default_size());
         let scene = if refine { refined(kind, size) } else { builtin(kind, size) };
-        py.detach(|| scene.map_err(raised).and_then(Self::of_scene))
+        py.detach(|| scene.map_err(raised).and_then(Self::of_scene).map(|(system, _)| system))
     }
 
     /// The same system with more forces, and with a law for its springs where one is given.

@@ -109,7 +109,7 @@ REFUSED = {
     "masses = an array of <U1": dict(masses=["a", "b", "c"]),
     "masses = an array of object": dict(masses=[None, 1, 1]),
     "stiffness[1] = 0: must be finite and positive": dict(stiffness=[1, 0]),
-    "stiffness = absent": dict(stiffness=None),
+    "stiffness: must be given": dict(stiffness=None),
     "rest_lengths[0] = inf": dict(rest_lengths=[np.inf, 1]),
     "damping[1] = -0.5": dict(damping=[0, -0.5]),
     "damping = -1.0: must be finite and not negative": dict(damping=-1),
@@ -129,9 +129,10 @@ REFUSED = {
     "gravity = an array of shape (2,)": dict(gravity=[0, -9.81]),
     "constraints[0] = 3: must be a Constraint or a mapping": dict(constraints=[3]),
     "constraints[0] = 'axis': unknown key": dict(constraints=[{"particles": 0, "axis": "x"}]),
-    "constraints[0].particles = absent": dict(constraints=[{"axes": "x"}]),
+    "constraints[0].particles: must be given": dict(constraints=[{"axes": "x"}]),
     "constraints[1].particles[1] = 7": dict(constraints=[sprung.Constraint(0), sprung.Constraint([1, 7])]),
     "constraints[0].particles[0] = -1": dict(constraints=[sprung.Constraint(-1)]),
+    "constraints[0].axes = []: must name at least one axis": dict(constraints=[sprung.Constraint(0, axes=[])]),
     "constraints[0].axes[1] = 'w'": dict(constraints=[sprung.Constraint(0, axes="xw")]),
     "constraints[0] = velocity and path": dict(
         constraints=[sprung.Constraint(0, velocity=[0, 0, 0], path=([0], [[0, 0, 0]]))]
@@ -244,6 +245,7 @@ def test_ready_scenes_are_refined():
     np.testing.assert_allclose(*widths, rtol=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore:.* in no edge")
 def test_meshes_of_meshio(tmp_path):
     meshio = pytest.importorskip("meshio", reason="meshio is not installed: its meshes were not read")
     points = np.random.default_rng(0).normal(size=(14, 3))
@@ -271,6 +273,50 @@ def test_meshes_of_meshio(tmp_path):
     np.testing.assert_array_equal(sprung.System.from_meshio(mesh, masses=1.0, stiffness=1.0).rest_lengths, 1.0)
     with pytest.raises(ValueError, match="the mesh: cells of type 'triangle6'"):
         sprung.System.from_meshio(meshio.Mesh(points, [("triangle6", [list(range(6))])]), masses=1.0)
+
+
+def test_meshes_of_meshio_that_surprise(tmp_path, monkeypatch):
+    meshio = pytest.importorskip("meshio", reason="meshio is not installed: its meshes were not read")
+    points = np.array([[0, 0, 0], [1, 0, 0], [1.001, 0, 0], [2, 0, 0], [2, 0, 0], [9, 9, 9.0]])
+    mesh = meshio.Mesh(points, [("line", [[0, 1], [2, 3]])])
+    with pytest.warns(UserWarning) as found:
+        system = sprung.System.from_meshio(mesh, masses=1.0, stiffness=1.0)
+    assert [str(one.message) for one in found] == [
+        "the mesh is 2 loose parts, which no edge joins",
+        "1 vertex lies where another does; weld = 0 joins them",
+        "2 particles are in no edge (the first is 4): they move on their own",
+    ]
+    assert {one.filename for one in found} == {__file__} and len(system.masses) == 6
+    with pytest.warns(UserWarning, match="particle 3 is in no edge"):
+        system = sprung.System.from_meshio(mesh, masses=1.0, stiffness=1.0, weld=0.01)
+    assert system.pairs.tolist() == [[0, 1], [1, 2]]
+    np.testing.assert_array_equal(system.initial_state().positions, points[[0, 1, 3, 5]])
+    with pytest.raises(ValueError, match="weld = -1.0: must be finite and not negative"):
+        sprung.System.from_meshio(mesh, masses=1.0, weld=-1)
+    with pytest.raises(ValueError, match="the mesh: has no points"):
+        sprung.System.from_meshio(meshio.Mesh(np.zeros((0, 3)), []), masses=1.0)
+
+    def leaves(path):
+        raise SystemExit(1)
+
+    monkeypatch.setattr(meshio, "read", leaves)
+    with pytest.raises(ValueError, match="broken.vtk: meshio cannot read it"):
+        sprung.System.from_meshio(tmp_path / "broken.vtk", masses=1.0)
+
+
+def test_notes_on_the_mesh_of_a_scene_are_warnings(tmp_path):
+    (tmp_path / "apart.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nl 1 2\n")
+    (tmp_path / "apart.toml").write_text('mesh.file = "apart.obj"\nparticles.masses = 1.0\nsprings.stiffness = 1.0\n')
+    with pytest.warns(UserWarning, match="particle 2 is in no edge") as found:
+        sprung.System.load(tmp_path / "apart.toml")
+    assert [one.filename for one in found] == [__file__]
+
+
+def test_numbers_beyond_an_index_are_refused():
+    with pytest.raises(ValueError, match="size = 10+: must be at most"):
+        sprung.System.ready("cloth", 10**30)
+    with pytest.raises(ValueError, match="n = 10+: must be at most"):
+        sprung.modes(sprung.System.ready("string"), 10**30)
 
 
 def test_other_springs_in_the_same_system():

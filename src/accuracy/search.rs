@@ -5,7 +5,7 @@ use super::{
     Configuration, Observer, SearchProgress, SpectralRadius, StepControl, default_method, extent,
     relative_position_error,
 };
-use crate::error::Result;
+use crate::error::{Result, significant};
 use crate::integrate::{
     AdaptiveOptions, ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, OutputTimes, Sampler,
     Schedule, Statistics, Status, StiffnessPolicy, TimeStepper, percent, run_adaptive_monitored, run_monitored,
@@ -107,7 +107,10 @@ impl<R> Answer<R> {
             None => "an unknown error".into(),
         };
         let run = describe(configuration, *control);
-        format!("{run} ends with {error}: {cost:.0} force evaluations, {total_cost:.0} in all {runs} runs")
+        format!(
+            "{run} ends with {error}: {cost:.0} force evaluations, {total_cost:.0} in all, of {runs} {}",
+            if *runs == 1 { "run" } else { "runs" }
+        )
     }
 
     /// Reasons not to rely on the answer.
@@ -441,7 +444,7 @@ impl<O: Observer> Search<'_, O> {
 fn describe(configuration: &Configuration, control: StepControl) -> String {
     let name = configuration.method.name();
     match control {
-        StepControl::Step(dt) => format!("{name} with dt = {dt:.3e} s"),
+        StepControl::Step(dt) => format!("{name} with dt = {} s", significant(dt, 4)),
         StepControl::Adaptive { rtol, .. } => format!("{name} with rtol = {rtol:.1e}"),
     }
 }

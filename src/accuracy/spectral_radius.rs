@@ -5,7 +5,7 @@
 //! Solving Ordinary Differential Equations I, II.10) and takes twelve evaluations a step, `2 T max(ω, c)` in a run of T seconds. An
 //! implicit method's steps need not resolve vibrations that carry no motion; each takes a factorization and several solves.
 
-use crate::error::Result;
+use crate::error::{Result, significant};
 use crate::force::{SpringGeometry, add_damping_product, add_elastic_differential};
 use crate::integrate::Method;
 use crate::system::{State, System};
@@ -92,18 +92,19 @@ pub fn default_method(system: &System, state: &State, duration: f64) -> Result<(
     let radius = SpectralRadius::at(system, state)?;
     let rate = radius.frequency.max(radius.decay);
     let fastest = if radius.frequency >= radius.decay { "vibration" } else { "decay" };
-    let explicit = radius.explicit_cost(duration);
+    let (explicit, speed) = (significant(radius.explicit_cost(duration), 2), significant(rate, 3));
     Ok(if duration * rate <= EXPLICIT || system.has_external_forces() {
         (
             Method::Dop853,
-            format!("explicit: about {explicit:.1e} force evaluations resolve the fastest {fastest}, {rate:.2e}/s"),
+            match rate {
+                0.0 => "explicit: nothing vibrates or decays at the start".into(),
+                _ => format!("explicit: about {explicit} force evaluations resolve the fastest {fastest}, {speed}/s"),
+            },
         )
     } else {
         (
             Method::Rodas4,
-            format!(
-                "implicit: resolving the fastest {fastest}, {rate:.2e}/s, would take {explicit:.1e} force evaluations"
-            ),
+            format!("implicit: resolving the fastest {fastest}, {speed}/s, would take {explicit} force evaluations"),
         )
     })
 }

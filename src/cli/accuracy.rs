@@ -2,7 +2,7 @@
 
 use super::Stop;
 use super::common::{LoadedScene, claim};
-use super::console::{Console, PARTS, warning};
+use super::console::{Console, PARTS};
 use super::files::{FILES, Files, Recorder};
 use super::summary::SummaryText;
 use super::threads::{end_in_order, is_interrupted};
@@ -120,7 +120,6 @@ pub fn search(
         .and_then(|()| summary.write(folder.join("summary.json")))
         .and_then(|()| files.finish(folder));
     let names = written.map_err(Stop::Broken)?;
-    console.result(&summary, SummaryText { summary: &summary, folder, files: &names })?;
-    summary.warnings.iter().for_each(warning);
+    SummaryText { summary: &summary, folder, files: &names }.print(console)?;
     Ok(summary)
 }

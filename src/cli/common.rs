@@ -8,6 +8,7 @@ use sprung::error::Invalid;
 use sprung::integrate::{Outcome, Schedule, run};
 use sprung::output::{AtomicFile, OutputFolder, read_final_state};
 use sprung::plan::{DEFAULT_STEP, Plan, RunOptions};
+use sprung::report::number::compact;
 use sprung::scene::{Built, Scene, TimeSettings};
 use sprung::{Error, Result, State, System};
 use std::io::{self, Read};
@@ -53,7 +54,7 @@ pub fn read_scene(path: &Path) -> Result<(Scene, PathBuf)> {
     }
     let mut text = String::new();
     let source = PathBuf::from("standard input");
-    io::stdin().read_to_string(&mut text).map_err(|error| Error::io(&source, error))?;
+    io::stdin().read_to_string(&mut text).map_err(|error| Error::reading_text(&source, error))?;
     let is_json = text.trim_start_matches('\u{feff}').trim_start().starts_with('{');
     let scene = if is_json { Scene::from_json(&text) } else { Scene::from_toml(&text) };
     let scene = scene.map_err(|error| match error.in_file(&source) {
@@ -99,7 +100,10 @@ impl LoadedScene {
         let (time, resolution) = (self.state.time, f64::EPSILON * self.state.time.abs());
         // Times may be rounded by a ten-thousandth of a step.
         if let Some(file) = self.at.as_ref().filter(|_| resolution > 1e-4 * dt) {
-            let rule = format!("is too late for steps of {dt:e} s: numbers of this size are {resolution:.0e} s apart");
+            let rule = format!(
+                "is too late for steps of {} s: numbers of this size are {resolution:.0e} s apart",
+                compact(dt)
+            );
             return Err(Error::from(Invalid::new("time", time, rule)).in_file(file));
         }
         Ok(Schedule::duration(dt, duration))
@@ -107,6 +111,12 @@ impl LoadedScene {
 
     pub fn check_schedule(&self, dt: f64, duration: f64) -> Result<()> {
         Schedule::check(dt, duration).map_err(|invalid| {
+            let of_scene = if invalid.key == "dt" { (self.time.dt, dt) } else { (self.time.duration, duration) };
+            // What is not the scene's was given as an option.
+            if of_scene.0 != Some(of_scene.1) {
+                let key = format!("--{}", invalid.key);
+                return Error::from(Invalid { key, ..invalid });
+            }
             let key = format!("time.{}", invalid.key);
             Error::from(Invalid { key, ..invalid }).in_file(&self.file)
         })

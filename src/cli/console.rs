@@ -17,7 +17,7 @@ pub const PARTS: u64 = 1000;
 /// The amount and form of output.
 #[derive(Debug, clap::Args)]
 pub struct Console {
-    /// Say nothing but errors
+    /// Say nothing but errors and warnings
     #[arg(short, long, global = true, display_order = 100)]
     pub quiet: bool,
 

@@ -74,6 +74,17 @@ impl Files {
         self.frames.or_else(|| self.view.then(smooth))
     }
 
+    /// The files of an earlier run in a folder that this one removes.
+    pub fn removed(&self, folder: &Path) -> Vec<&'static str> {
+        let has_frames = self.frames.is_some();
+        let files = [("frames.pvd", has_frames), (TRAJECTORY, has_frames || self.view), (PAGE, self.view)];
+        files
+            .into_iter()
+            .filter(|(name, is_kept)| !is_kept && folder.join(name).exists())
+            .map(|(name, _)| name)
+            .collect()
+    }
+
     /// Removes files of an earlier run that this one does not replace.
     pub fn remove_older(&self, folder: &OutputFolder) -> Result<()> {
         if self.frames.is_none() {

@@ -90,7 +90,7 @@ impl Inspect {
         };
         let is_known = !inspection.lacks(Part::Spectrum(self.stiffness)) && !system.dofs().is_empty();
         if is_known && !inspection.examined().largest.is_finite() {
-            let message = format!("A has entries that are not finite numbers (dt = {dt:?} s)");
+            let message = format!("A has entries that are not finite numbers (dt = {} s)", number(dt));
             return Err(Stop::Computation(message));
         }
         let claimed = claim(&folder, &FILES, false)?;

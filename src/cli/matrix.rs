@@ -1,7 +1,7 @@
 //! `sprung matrix`: the linear system of a step as Matrix Market files.
 
 use super::common::{At, LoadedScene, Process, SceneFile, advance, choice, claim, positive, whole};
-use super::console::{Console, number};
+use super::console::{Console, count, number};
 use super::threads::{end_in_order, is_interrupted};
 use super::{Exit, Stop};
 use serde_json::json;
@@ -29,8 +29,8 @@ pub struct Matrix {
     #[arg(long, value_name = "S", value_parser = positive)]
     dt: Option<f64>,
 
-    /// Assemble at the state after so many steps, those of `sprung run --steps N`
-    #[arg(long, value_name = "N", value_parser = whole, default_value = "0", conflicts_with = "at")]
+    /// Assemble at the state after so many steps, those of `sprung run --steps N`, from the start or the state of --at
+    #[arg(long, value_name = "N", value_parser = whole, default_value = "0")]
     steps: u64,
 
     #[command(flatten)]
@@ -66,7 +66,7 @@ impl Matrix {
             Ok(matrices.map_err(|error| error.in_file(&scene.file))?)
         })?;
         if let Some(name) = not_finite(&matrices) {
-            let message = format!("{name} has entries that are not finite numbers (dt = {dt:?} s)");
+            let message = format!("{name} has entries that are not finite numbers (dt = {} s)", number(dt));
             return Err(Stop::Computation(message));
         }
         let folder = self.process.folder(&scene);
@@ -125,10 +125,10 @@ impl Matrix {
             "out": folder.display().to_string(),
         });
         let text = format!(
-            "{name} at t = {} s: {} degrees of freedom, {a} entries in the lower triangle of A\n\
+            "{name} at t = {} s: {}, {a} entries in the lower triangle of A\n\
              A.mtx, M.mtx, G.mtx, K.mtx, b.mtx and dofs.csv are in {}",
             number(state.time),
-            system.dofs().len(),
+            count(system.dofs().len() as u64, "degree of freedom"),
             folder.display(),
         );
         console.result(&report, text)

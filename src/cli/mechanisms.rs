@@ -47,10 +47,10 @@ impl MechanismsCommand {
         if has_page {
             text += &format!("\nopen {}", folder.join(PAGE).display());
         }
-        console.result(&record, text)?;
         if !found.decided {
             warning("a singular value is too close to the limit of rounding: the rank is not certain");
         }
+        console.result(&record, text)?;
         Ok(Exit::Done)
     }
 }

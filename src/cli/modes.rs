@@ -67,10 +67,10 @@ impl ModesCommand {
         if has_page {
             text += &format!("\nopen {}", folder.join(PAGE).display());
         }
-        console.result(&record, text)?;
         if !found.complete && !scene.system.dofs().is_empty() {
             warning("the eigenvalues were not counted: modes may be missing");
         }
+        console.result(&record, text)?;
         Ok(Exit::Done)
     }
 }

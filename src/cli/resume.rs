@@ -4,7 +4,7 @@
 //! before. A run without checkpoints is one part.
 
 use super::console::{Console, number};
-use super::files::Recorder;
+use super::files::{Files, Recorder};
 use super::threads::is_interrupted;
 use sprung::integrate::{Monitor, MonitorOptions, Outcome, Schedule, Statistics, Status};
 use sprung::output::{Checkpoint, rows};
@@ -43,21 +43,27 @@ pub struct Ended<'s> {
 
 impl<'s> Parts<'s> {
     /// The reason why the run cannot continue from a checkpoint, if it cannot.
-    fn obstacle(&self, found: &Checkpoint) -> Option<&'static str> {
+    fn obstacle(&self, found: &Checkpoint) -> Option<String> {
         let ours = self.checkpoints.as_ref()?;
-        if found.run != ours.run || found.every != ours.every.get() || found.positions.len() != self.system.particles()
-        {
-            return Some("its checkpoint is of another run");
+        let mut differences = differences(&found.run, &ours.run);
+        if found.every != ours.every.get() {
+            differences.push(format!("--checkpoint was {}, and is {}", found.every, ours.every));
         }
-        if found.length != ours.length && self.plan.rtol.is_some() {
-            return Some("its adaptive steps depend on the length of the run");
+        let [before, now] = [found.positions.len(), self.system.particles()];
+        if before != now {
+            differences.push(format!("the number of particles was {before}, and is {now}"));
         }
-        if found.length != ours.length {
-            return Some(
-                "its frames are as far apart as the length of the run makes them (with --frames N they are not)",
-            );
+        if !differences.is_empty() {
+            return Some(format!("its checkpoint is of another run ({})", differences.join("; ")));
         }
-        (found.reached >= self.schedule.len()).then_some("its checkpoint is not before the end of this run")
+        let reason = if found.length == ours.length {
+            (found.reached >= self.schedule.len()).then_some("its checkpoint is not before the end of this run")?
+        } else if self.plan.rtol.is_some() {
+            "its adaptive steps depend on the length of the run and on the interval of records, which differ"
+        } else {
+            "its frames are as far apart as the length of the run makes them (with --frames N they are not)"
+        };
+        Some(reason.into())
     }
 
     /// Whether every longer run has a checkpoint at the end of this one, with the same bits.
@@ -151,11 +157,39 @@ impl<'s> Parts<'s> {
     }
 }
 
+/// The value of an option that is not given, and the name of options without a name of their own, in the description of a run.
+pub const NOT_GIVEN: &str = "not given";
+pub const OTHER_OPTIONS: &str = "options";
+
+/// What differs between two runs by their descriptions. What follows from a named option is not named again.
+fn differences(found: &str, ours: &str) -> Vec<String> {
+    let values = |text: &str| -> Vec<(String, String)> {
+        let pairs = text.lines().filter_map(|line| line.split_once(' '));
+        pairs.map(|(name, value)| (name.to_owned(), value.to_owned())).collect()
+    };
+    let before = values(found);
+    let changed = values(ours).into_iter().filter_map(|(name, now)| {
+        let then = before.iter().find(|(other, _)| *other == name).map(|(_, then)| then.clone());
+        (then.as_ref() != Some(&now)).then_some((name, then, now))
+    });
+    let (others, named): (Vec<_>, Vec<_>) = changed.partition(|(name, ..)| name == OTHER_OPTIONS);
+    let is_named = !named.is_empty();
+    let in_words = |(name, then, now): (String, Option<String>, String)| match (name.as_str(), then) {
+        ("scene", _) => "the scene or its state at the start has changed".into(),
+        (OTHER_OPTIONS, _) => "other options differ".into(),
+        (_, Some(then)) => format!("{name} was {then}, and is {now}"),
+        (_, None) => format!("{name} is {now}"),
+    };
+    named.into_iter().chain(others.into_iter().filter(|_| !is_named)).map(in_words).collect()
+}
+
 /// The results in an output folder before a run.
 pub struct Earlier {
     folder: PathBuf,
     /// A sentence on the run of the folder's summary.
     run: Option<String>,
+    /// Its files that this run does not write.
+    removed: Vec<&'static str>,
     /// The checkpoint, where the run is to be resumed.
     checkpoint: Option<Checkpoint>,
     /// The run of the checkpoint came to its end.
@@ -163,11 +197,12 @@ pub struct Earlier {
 }
 
 impl Earlier {
-    pub fn of(folder: &Path, resume: bool) -> Result<Self> {
+    pub fn of(folder: &Path, resume: bool, files: &Files) -> Result<Self> {
         let unfinished = if resume { Checkpoint::read(folder)? } else { None };
         let is_finished = resume && unfinished.is_none();
         let checkpoint = if is_finished { Checkpoint::read_finished(folder)? } else { unfinished };
-        Ok(Self { folder: folder.into(), run: earlier_run(folder), checkpoint, is_finished })
+        let removed = files.removed(folder);
+        Ok(Self { folder: folder.into(), run: earlier_run(folder), removed, checkpoint, is_finished })
     }
 
     pub fn every(&self) -> Option<NonZeroU64> {
@@ -177,14 +212,18 @@ impl Earlier {
     /// The checkpoint to continue from, if that is requested and possible; notes what happens to the earlier run. An error for an
     /// unfinished checkpoint of another run, and for none where this run writes none.
     pub fn checkpoint(self, console: &Console, resume: bool, parts: &Parts) -> Result<Option<Checkpoint>> {
-        let Self { folder, run, checkpoint, is_finished } = self;
+        let Self { folder, run, removed, checkpoint, is_finished } = self;
+        let replaces = match &removed[..] {
+            [] => "this run replaces its files".to_owned(),
+            names => format!("this run replaces its files, and removes {}", names.join(" and ")),
+        };
         let folder = folder.display();
         let Some(found) = checkpoint else {
             match run {
                 Some(run) if resume => console.note(format_args!(
                     "{run} and left nothing to go on from, as it wrote no checkpoint: this run starts again"
                 )),
-                Some(run) => console.note(format_args!("{run}: this run replaces its files")),
+                Some(run) => console.note(format_args!("{run}: {replaces}")),
                 None if resume && parts.checkpoints.is_none() => {
                     return Err(Error::Usage(format!(
                         "{folder}: no checkpoint to resume from; --checkpoint N writes them"
@@ -220,6 +259,31 @@ fn earlier_run(folder: &Path) -> Option<String> {
     let text = std::fs::read_to_string(folder.join("summary.json")).ok()?;
     let summary: serde_json::Value = serde_json::from_str(&text).ok()?;
     let text = |key: &str| summary.get(key)?.as_str();
-    let (method, status, time) = (text("method")?, text("status")?, number(summary.get("time")?.as_f64()?));
-    Some(format!("{}: a run by {method} ended here, {status} at t = {time} s", folder.display()))
+    let (scene, method, status) = (text("scene")?, text("method")?, text("status")?);
+    let time = number(summary.get("time")?.as_f64()?);
+    Some(format!("{}: a run of {scene} by {method} ended here, {status} at t = {time} s", folder.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{NOT_GIVEN, OTHER_OPTIONS, differences};
+
+    #[test]
+    fn what_differs_is_named() {
+        let run = |dt: &str, view: &str, scene: &str, others: &str| {
+            format!("scene {scene}\n--dt {dt}\n--view {view}\n{OTHER_OPTIONS} {others}\n")
+        };
+        let ours = run("0.01", NOT_GIVEN, "abc", "x");
+        assert!(differences(&ours, &ours).is_empty());
+        let all = differences(&run("0.02", "given", "abd", "y"), &ours);
+        let expected = [
+            "the scene or its state at the start has changed",
+            "--dt was 0.02, and is 0.01",
+            "--view was given, and is not given",
+        ];
+        assert_eq!(all, expected);
+        assert_eq!(differences(&run("0.01", NOT_GIVEN, "abc", "y"), &ours), ["other options differ"]);
+        // A description of an older form.
+        assert_eq!(differences("0123abc", &ours).len(), 3);
+    }
 }

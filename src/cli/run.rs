@@ -2,16 +2,17 @@
 
 use super::accuracy;
 use super::common::{At, LoadedScene, Process, SceneFile, claim, positive, positive_count, whole};
-use super::console::{Console, count, error, help, number, warning};
+use super::console::{Console, error, help, number};
 use super::files::{FILES, Files, Recorder};
 use super::method::{MethodArguments, arguments_of};
-use super::resume::{Checkpoints, Earlier, Ended, Parts};
+use super::resume::{Checkpoints, Earlier, Ended, NOT_GIVEN, OTHER_OPTIONS, Parts};
 use super::summary::SummaryText;
 use super::threads::end_in_order;
 use super::{Exit, Stop};
 use sprung::accuracy::AccuracyOptions;
 use sprung::inspect::Inspection;
-use sprung::integrate::{Schedule, Status, StiffnessPolicy};
+use sprung::integrate::{ImplicitOptions, Schedule, Status, StiffnessPolicy};
+use sprung::linear::{PreconditionerKind, Tolerance};
 use sprung::output::{
     Checkpoint, ChoiceReport, EnergyLog, FailedStep, FailureReport, Frames, OutputFolder, RunRecord, Summary, WAITING,
     clear_frames, clear_frames_after, fingerprint, write_final_state,
@@ -103,10 +104,6 @@ impl Run {
             self.method.note_unused(console, pacing.rtol);
             self.process.threads.install(|| self.simulate(console, &scene, pacing))?
         };
-        if summary.statistics.indefinite_solves > 0 {
-            let solves = count(summary.statistics.indefinite_solves, "solve");
-            console.note(format_args!("A was indefinite in {solves}: the motion may look right and be wrong"));
-        }
         Ok(if summary.status == Status::Completed { Exit::Done } else { Exit::Failed })
     }
 
@@ -158,7 +155,7 @@ impl Run {
         let plan = self.method.run_options().plan(system, start, lengths, *rtol);
         let plan = &plan.map_err(|error| error.in_file(file))?;
         let folder = self.process.folder(scene);
-        let earlier = Earlier::of(&folder, self.resume)?;
+        let earlier = Earlier::of(&folder, self.resume, &self.files)?;
         let every = self.checkpoint.or_else(|| earlier.every());
         let parts = Parts {
             system,
@@ -169,7 +166,7 @@ impl Run {
             checkpoints: every.map(|every| Checkpoints {
                 every,
                 folder: &folder,
-                run: fingerprint(system, start, &self.options_text(plan, schedule)),
+                run: self.description(scene, plan, schedule),
                 length: self.length_text(plan, schedule, system),
             }),
         };
@@ -211,8 +208,7 @@ impl Run {
         };
         let summary = record.summary();
         let names = self.finish(&claimed, recorder, system, &state, &summary).map_err(Stop::Broken)?;
-        console.result(&summary, SummaryText { summary: &summary, folder: &folder, files: &names })?;
-        summary.warnings.iter().for_each(warning);
+        SummaryText { summary: &summary, folder: &folder, files: &names }.print(console)?;
         if let Some(FailureReport { step, time, message }) = &summary.failure {
             let time = number(*time);
             error(format_args!("{} in step {step}, at t = {time} s: {message}", summary.status.name()));
@@ -261,17 +257,34 @@ impl Run {
         self.files.finish(path)
     }
 
-    /// All options, besides the scene and the length of the run, that determine the bits of the files.
-    fn options_text(&self, plan: &Plan, schedule: &Schedule) -> String {
+    /// Everything besides the length of the run that determines the bits of the files: a name and a value on each line.
+    fn description(&self, scene: &LoadedScene, plan: &Plan, schedule: &Schedule) -> String {
         let Plan { configuration, rtol, .. } = plan;
-        format!(
-            "{configuration:?} {rtol:?} {:?} {:?} {} {} {}",
-            schedule.dt(),
-            self.files.frames,
-            self.files.view,
-            self.allow_unstable,
-            self.no_error_estimate
-        )
+        let ImplicitOptions { stiffness, linear } = &configuration.options;
+        let given = |is_given: bool| if is_given { "given" } else { NOT_GIVEN }.to_owned();
+        let some = |value: Option<String>| value.unwrap_or_else(|| NOT_GIVEN.to_owned());
+        let tolerance = match linear.tolerance {
+            Tolerance::Fixed(tolerance) => format!("{tolerance:?}"),
+            Tolerance::Adaptive => "adaptive".to_owned(),
+        };
+        let lines = [
+            ("version", env!("CARGO_PKG_VERSION").to_owned()),
+            ("scene", fingerprint(&scene.system, &scene.state)),
+            ("--method", configuration.method.name().to_owned()),
+            // The interval of records of adaptive steps depends on the length of the run.
+            ("--dt", some(rtol.is_none().then(|| format!("{:?}", schedule.dt())))),
+            ("--rtol", some(rtol.map(|rtol| format!("{rtol:?}")))),
+            ("--stiffness", stiffness.name().to_owned()),
+            ("--solver", linear.solver.name().to_owned()),
+            ("--preconditioner", linear.preconditioner.map_or("auto", PreconditionerKind::name).to_owned()),
+            ("--tolerance", tolerance),
+            ("--frames", some(self.files.frames.map(|frames| frames.to_string()))),
+            ("--view", given(self.files.view)),
+            ("--allow-unstable", given(self.allow_unstable)),
+            ("--no-error-estimate", given(self.no_error_estimate)),
+            (OTHER_OPTIONS, format!("{configuration:?}")),
+        ];
+        lines.map(|(name, value)| format!("{name} {value}\n")).concat()
     }
 
     /// Options that depend on the length of the run: everything with adaptive steps, whose tolerance is for the whole run; else the

@@ -1,6 +1,7 @@
 //! The summary of a run for people.
 
-use super::console::{count, number, time_span};
+use super::Stop;
+use super::console::{Console, count, number, time_span, warning};
 use super::view::PAGE;
 use sprung::integrate::{Balance, percent};
 use sprung::output::{ErrorKind, Summary};
@@ -25,7 +26,10 @@ impl Display for SummaryText<'_> {
                 ErrorKind::Confirmed => "confirmed",
                 ErrorKind::Indicator => "an estimate, accurate to about a factor of ten",
             };
-            writeln!(f, "  error     about {} of the extent ({kind})", percent(error.estimate))?;
+            match error.estimate {
+                0.0 => writeln!(f, "  error     none found (an estimate)")?,
+                estimate => writeln!(f, "  error     about {} of the extent ({kind})", percent(estimate))?,
+            }
         }
         match (summary.solver, summary.preconditioner) {
             ("none", _) => writeln!(f, "  method    {method}")?,
@@ -47,17 +51,28 @@ impl Display for SummaryText<'_> {
 }
 
 impl SummaryText<'_> {
+    /// Prints the reasons to doubt the run, and then the summary, whose last line is the page to open.
+    pub fn print(&self, console: &Console) -> Result<(), Stop> {
+        let summary = self.summary;
+        summary.warnings.iter().for_each(warning);
+        if summary.statistics.indefinite_solves > 0 {
+            let solves = count(summary.statistics.indefinite_solves, "solve");
+            console.note(format_args!("A was indefinite in {solves}: the motion may look right and be wrong"));
+        }
+        console.result(summary, self)
+    }
+
     /// The size of the system, the reasons for choices, the work and the energy balance.
     fn details(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Summary { solver, energy, statistics, particles, springs, dofs, .. } = self.summary;
         let work = &statistics.work;
         let mut line = |name: &str, text: String| writeln!(f, "  {name:<9} {text}");
-        let (particles, springs) = (count(*particles as u64, "particle"), count(*springs as u64, "spring"));
-        line("system", format!("{particles}, {springs}, {dofs} degrees of freedom"))?;
+        let parts = [(*particles, "particle"), (*springs, "spring"), (*dofs, "degree of freedom")];
+        line("system", parts.map(|(n, noun)| count(n as u64, noun)).join(", "))?;
         // Maxwell's count.
         if let Some(free) = dofs.checked_sub(self.summary.springs).filter(|free| *free > 0) {
-            let motions = count(free as u64, "motion");
-            line("floppy", format!("at least {motions} stretch no spring; sprung mechanisms names them"))?;
+            let motions = if free == 1 { "1 motion stretches".into() } else { format!("{free} motions stretch") };
+            line("floppy", format!("at least {motions} no spring; sprung mechanisms names them"))?;
         }
         let method_reason = self.summary.choice.as_ref().map(|choice| &choice.reason);
         for reason in method_reason.into_iter().chain(&self.summary.solver_choice) {

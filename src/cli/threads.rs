@@ -63,8 +63,13 @@ const STACK: u64 = 2 << 20;
 #[derive(Debug, clap::Args)]
 pub struct Threads {
     /// Threads to compute with; results do not depend on it [default: all cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = thread_count)]
     threads: Option<u16>,
+}
+
+fn thread_count(text: &str) -> Result<u16, String> {
+    let count = text.parse().ok().filter(|count| (1..=1024).contains(count));
+    count.ok_or_else(|| "must be a whole number from 1 to 1024".to_owned())
 }
 
 enum Message<T, R> {

@@ -94,7 +94,7 @@ impl Schedule {
         if duration / dt < MOST_STEPS {
             return Ok(());
         }
-        let rule = format!("is too short for a run of {duration:e} s: it would take more than 2^53 steps");
+        let rule = format!("is too short for a run of {duration:?} s: it would take more than 2^53 steps");
         Err(Invalid::new("dt", format!("{dt:e}"), rule))
     }
 
@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn steps_that_cannot_be_counted_are_refused() {
         for (dt, duration, value) in [
-            (1e-310, 1.0, "dt = 1e-310: is too short for a run of 1e0 s"),
+            (1e-310, 1.0, "dt = 1e-310: is too short for a run of 1.0 s"),
             (1.0, 9_007_199_254_740_992.0, "dt = 1e0: is too short"),
             (0.0, 1.0, "dt = 0e0: must be finite and positive"),
             (0.0, 0.0, "dt = 0e0: must be finite and positive"),

@@ -47,7 +47,7 @@ pub fn read_final_state(file: &Path, system: &System) -> Result<State> {
     let bytes = std::fs::metadata(file).map_err(|source| Error::io(file, source))?.len();
     // Parsing holds the text, and rows twice.
     memory::ensure(bytes.saturating_mul(8), "the state")?;
-    let text = std::fs::read_to_string(file).map_err(|source| Error::io(file, source))?;
+    let text = std::fs::read_to_string(file).map_err(|source| Error::reading_text(file, source))?;
     let stored: Stored = json_table(&text).map_err(|message| Error::Format { file: file.into(), message })?;
     stored.state(system).map_err(|invalid| Error::from(invalid).in_file(file))
 }

@@ -1,5 +1,6 @@
 //! Numbers for readers: three significant digits, never a NaN in disguise. Files for machines get all digits.
 
+use crate::error::significant;
 use std::fmt::Display;
 
 /// `0.0213`, `2.13e-11`, `NaN`: for a terminal.
@@ -92,16 +93,13 @@ pub fn typeset(sentence: &str) -> String {
 
 /// `1 check`, `2 checks`.
 pub fn count<N: Display + PartialEq + From<u8>>(n: N, noun: &str) -> String {
-    format!("{n} {noun}{}", if n == N::from(1) { "" } else { "s" })
+    let (noun, rest) = noun.split_at(noun.find(" of ").unwrap_or(noun.len()));
+    format!("{n} {noun}{}{rest}", if n == N::from(1) { "" } else { "s" })
 }
 
 /// Up to six significant digits: `0.35`, `1.66667`, `-1380.19`, `2.5e-7`.
 pub fn compact(value: f64) -> String {
-    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
-    // Without the sign of zero.
-    let rounded = rounded + 0.0;
-    let is_plain = rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs()) || !rounded.is_finite();
-    if is_plain { rounded.to_string() } else { format!("{rounded:e}") }
+    significant(value, 6)
 }
 
 /// `10⁻⁵`.

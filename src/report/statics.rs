@@ -273,13 +273,7 @@ pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
     };
     let mut text = format!("{scene}: {verdict}\n");
     let [springs, freedoms] = [count(found.springs, "spring"), count(found.degrees_of_freedom, "degree of freedom")];
-    let _ = writeln!(
-        text,
-        "  rank {} of {springs} on {} ({})",
-        found.rank,
-        freedoms.replace("degree of freedoms", "degrees of freedom"),
-        certainty(found)
-    );
+    let _ = writeln!(text, "  rank {} of {springs} on {} ({})", found.rank, freedoms, certainty(found));
     if found.rank + found.self_stresses > found.springs {
         text += "  springs of zero length resist in every direction: each counts as one for every axis\n";
     }
@@ -301,7 +295,8 @@ pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
             "  so many mechanisms are only counted: which particles move, and what prestress does, is not computed\n";
     }
     for movers in found.movers.iter().take(20) {
-        let _ = writeln!(text, "  moves: particles {}", ranges(movers));
+        let particles = if movers.len() == 1 { "particle" } else { "particles" };
+        let _ = writeln!(text, "  moves: {particles} {}", ranges(movers));
     }
     if found.movers.len() > 20 {
         let _ = writeln!(text, "  … and {} more", found.movers.len() - 20);

@@ -24,7 +24,7 @@ impl Scene {
         let from_text = |parse: fn(&str) -> Result<Self, String>, share: u64| {
             let bytes = std::fs::metadata(path).map_or(0, |file| file.len());
             memory::ensure(bytes.saturating_mul(share), "the scene file")?;
-            let text = std::fs::read_to_string(path).map_err(|source| Error::io(path, source))?;
+            let text = std::fs::read_to_string(path).map_err(|source| Error::reading_text(path, source))?;
             parse(&text).map_err(|message| Error::Format { file: path.into(), message })
         };
         let scene = match extension.as_deref() {
@@ -96,7 +96,12 @@ fn parse_json(text: &str) -> Result<Scene, String> {
 /// Reads a table from JSON; errors come with key, line and column.
 pub(crate) fn json_table<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     let mut deserializer = serde_json::Deserializer::from_str(without_byte_order_mark(text));
-    let table = with_key(&mut deserializer, serde_json::Error::to_string)?;
+    // The parser counts columns from 1, and those of a wrong beginning from 0.
+    let describe = |error: &serde_json::Error| match error.to_string() {
+        message if error.column() == 0 => message.replace(" column 0", " column 1"),
+        message => message,
+    };
+    let table = with_key(&mut deserializer, describe)?;
     deserializer.end().map_err(|error| error.to_string())?;
     Ok(table)
 }
@@ -108,10 +113,16 @@ fn with_key<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     let mut track = serde_path_to_error::Track::new();
     table(serde_path_to_error::Deserializer::new(deserializer, &mut track)).map_err(|error| {
         let message = plain(&with_suggestion(describe(&error)));
-        let key = track.path();
-        if key.iter().len() == 0 { message } else { format!("{key}: {message}") }
+        // A text that ends, and a date of TOML, have a key that is none.
+        let key = track.path().to_string();
+        let key =
+            [".?", "?", &format!(".{DATE}")].iter().fold(&key[..], |key, end| key.strip_suffix(end).unwrap_or(key));
+        if matches!(key, "" | ".") { message } else { format!("{key}: {message}") }
     })
 }
+
+/// The key in which the parser of TOML hands over a date.
+const DATE: &str = "$__toml_private_datetime";
 
 fn without_byte_order_mark(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
@@ -136,6 +147,13 @@ fn with_suggestion(message: String) -> String {
 /// A parser's message in a scene file's words: `invalid type: string "heavy", expected f64` becomes `is the text "heavy", must be a number`.
 fn plain(message: &str) -> String {
     let bare = |rest: &str| rest.replace('`', "");
+    if let Some(rest) = message.strip_prefix(&format!("unknown field `{DATE}`")) {
+        let place = rest.find(" at line ").map_or("", |at| &rest[at..]);
+        return format!("is a date or a time, which no key takes{place}");
+    }
+    if let Some(rest) = message.strip_prefix("EOF while parsing ") {
+        return format!("the text ends in {}", rest.replacen("an object", "a table", 1));
+    }
     if let Some(rest) = message.strip_prefix("invalid type: ").or(message.strip_prefix("invalid value: "))
         && let Some((found, wanted)) = rest.split_once(", expected ")
     {
@@ -165,8 +183,8 @@ fn plain(message: &str) -> String {
 fn found_value(found: &str) -> String {
     match found.split_once(' ') {
         Some(("string", text)) => format!("the text {text}"),
-        Some(("integer" | "boolean", value)) => value.trim_matches('`').to_owned(),
-        Some(("floating", rest)) => rest.trim_start_matches("point ").trim_matches('`').to_owned(),
+        // A very long one is followed by its type.
+        Some(("integer" | "boolean" | "floating", rest)) => rest.split('`').nth(1).unwrap_or(rest).to_owned(),
         _ if found == "sequence" => "a list".into(),
         _ if found == "map" => "a table".into(),
         _ => found.to_owned(),
@@ -193,7 +211,35 @@ fn wanted_kind(wanted: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::parse_json;
+    use super::{parse_json, parse_toml};
+
+    /// A message says what is wrong in the words of a scene file, not of a parser.
+    #[test]
+    fn messages_have_no_words_of_parsers() {
+        let toml = |text: &str| parse_toml(text).unwrap_err();
+        let json = |text: &str| parse_json(text).unwrap_err();
+        for (message, expected) in [
+            (
+                toml("springs.pairs = [[0, 99999999999999999999]]"),
+                "springs.pairs[0][1]: is 99999999999999999999, must be a whole number, not negative at line 1 column 22",
+            ),
+            (
+                toml("particles.masses = 123456789012345678901234567890"),
+                "particles.masses: is 123456789012345678901234567890, must be a number or a list of numbers at line 1 column 20",
+            ),
+            (toml("gravity = 1979-05-27"), "gravity: is a date or a time, which no key takes at line 1 column 11"),
+            (json("{"), "the text ends in a table at line 1 column 1"),
+            (json("{\"springs\": {\"pairs\": [[0"), "springs.pairs[0]: the text ends in a list at line 1 column 26"),
+            (json("[]"), "is a list, must be a table at line 1 column 1"),
+            (json("{\"particles\": {\"masses\": 1.5e3x"), "particles: expected `,` or `}` at line 1 column 33"),
+        ] {
+            assert_eq!(message, expected);
+        }
+        for key in ["name", "particles", "particles.masses", "particles.positions", "springs.pairs", "time.dt"] {
+            let message = toml(&format!("{key} = 1979-05-27"));
+            assert!(message.starts_with(&format!("{key}: is a ")) && !message.contains("private"), "{message}");
+        }
+    }
 
     /// The parser without key tracking accepts what the one with it accepts.
     #[test]

@@ -397,11 +397,7 @@ mod tests {
                 "springs.actuation[0].path.factors[1] = 0: must be finite and positive, and so must the rest lengths that it makes",
             ),
             ("[0, 1], factors", "[1, 1], factors", "springs.actuation[0].path.times[1] = 1: times must increase"),
-            (
-                "times = [0, 2]",
-                "times = [0]",
-                "gravity.values = a list of 2: must have one entry for each of the 1 times",
-            ),
+            ("times = [0, 2]", "times = [0]", "gravity.values = a list of 2: must have one entry for the only time"),
             (
                 "[0, 0]] }",
                 "[nan, 0]] }",

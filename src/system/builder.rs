@@ -387,7 +387,7 @@ mod tests {
             (changed(|builder| _ = builder.springs.pop()), "springs"),
         ] {
             let message = message.unwrap();
-            assert!(message.starts_with(key) && message.contains("must have one entry for each of the "), "{message}");
+            assert!(message.starts_with(key) && message.contains("must have one entry for "), "{message}");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Loads, external forces and springs that change in time.
 
 use super::{State, StateView};
-use crate::error::Invalid;
+use crate::error::{Invalid, each};
 use crate::spring::Spring;
 use nalgebra::{Matrix3, Vector3};
 use std::fmt::Debug;
@@ -329,5 +329,5 @@ pub(crate) fn check_length(key: &str, found: usize, expected: usize, of: &str) -
     if found == expected {
         return Ok(());
     }
-    Err(Invalid::new(key, format!("a list of {found}"), format!("must have one entry for each of the {expected} {of}")))
+    Err(Invalid::new(key, format!("a list of {found}"), format!("must have one entry for {}", each(expected, of))))
 }

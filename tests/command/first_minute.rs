@@ -71,12 +71,33 @@ fn numbers_are_short() {
     }
 }
 
+/// Warnings come before the page to open.
+#[test]
+fn the_page_is_the_last_line() {
+    let sandbox = sandbox();
+    let script = format!("'{}' run spring.toml --dt 0.1 --view --out o 2>&1", env!("CARGO_BIN_EXE_sprung"));
+    let output = sandbox.shell(&script).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("warning: ") && text.trim_end().lines().last().unwrap().starts_with("open "), "{text}");
+}
+
+/// A wrong option is blamed, and not the scene.
+#[test]
+fn an_option_is_blamed_by_its_name() {
+    let message = "error: --dt = 1e-320: is too short for a run of 1.0 s: it would take more than 2^53 steps";
+    sandbox().sprung(&["run", "spring.toml", "--dt", "1e-320"]).ends_with(2).complains(&[message]);
+}
+
 #[test]
 fn a_second_run_says_what_it_replaces() {
     let sandbox = sandbox();
     assert_eq!(run(&sandbox, &["--method", "bdf2"]).stderr, "");
-    run(&sandbox, &["--method", "w2"])
-        .complains(&["note: o: a run by bdf2 ended here, completed at t = 1 s: this run replaces its files"]);
+    run(&sandbox, &["--method", "w2"]).complains(&[
+        "note: o: a run of spring by bdf2 ended here, completed at t = 1 s: this run replaces its files\n",
+    ]);
+    run(&sandbox, &["--view", "--quiet"]);
+    run(&sandbox, &[]).complains(&[": this run replaces its files, and removes trajectory.npz and view.html\n"]);
+    assert_eq!(sandbox.names("o"), ["energy.csv", "final.json", "summary.json"]);
     assert_eq!(run(&sandbox, &["--quiet"]).stderr, "");
 }
 

@@ -177,13 +177,14 @@ fn json_is_alone_on_stdout_and_quiet_is_silent() {
 fn unusable_arguments_are_refused_before_anything_is_written() {
     let sandbox = Sandbox::new();
     sandbox.put("line.toml", LINE);
-    let cases: [(&[&str], &[&str]); 6] = [
+    let cases: [(&[&str], &[&str]); 7] = [
         (&["matrix", "line.toml", "--dt", "-1"], &["'-1'", "--dt"]),
         (&["matrix", "line.toml", "--stiffness", "on-demand"], &["'on-demand'", "--stiffness", "tension"]),
         (&["matrix", "line.toml", "--out", "line.toml"], &["line.toml", "not a directory"]),
         (&["matrix", "missing.toml"], &["missing.toml"]),
         (&["matrix", "line.toml", "--steps", "-3"], &["'-3'", "--steps"]),
-        (&["matrix", "line.toml", "--steps", "3", "--at", "x.json"], &["--steps", "--at", "cannot be used with"]),
+        (&["matrix", "line.toml", "--steps", "3", "--at", "x.json"], &["x.json"]),
+        (&["matrix", "line.toml", "--threads", "0"], &["'0'", "--threads", "must be a whole number from 1 to 1024"]),
     ];
     for (arguments, parts) in cases {
         sandbox.sprung(arguments).ends_with(2).complains(parts);

@@ -63,8 +63,8 @@ fn files_that_are_no_scenes_end_with_status_2() {
     std::fs::write(folder.path().join("mesh.toml"), "mesh.file = \"none.obj\"").unwrap();
     std::fs::create_dir(folder.path().join("folder.toml")).unwrap();
     for (file, message) in [
-        ("broken.json", "broken.json: particles: EOF while parsing a value at line 1 column 14"),
-        ("latin.toml", "latin.toml: "),
+        ("broken.json", "broken.json: particles: the text ends in a value at line 1 column 14"),
+        ("latin.toml", "latin.toml: is no text in UTF-8"),
         ("scene.yaml", "scene.yaml: a scene file must end in .toml, .json or .npz"),
         ("mesh.toml", "mesh.toml: mesh.file = \"none.obj\": "),
         ("folder.toml", "folder.toml: "),

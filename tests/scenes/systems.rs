@@ -105,11 +105,6 @@ fn later_constraints_override_earlier_ones_axis_by_axis() {
 }
 
 #[test]
-fn an_empty_list_of_axes_prescribes_nothing() {
-    assert_eq!(motion("[[constraints]]\nparticles = [0]\naxes = []", &[1.0]), ("0x 0y".into(), vec![[1.0, 2.0]]));
-}
-
-#[test]
 fn a_path_under_way_at_time_zero_moves_the_start_but_not_the_rest_length() {
     let (system, state) = build(
         "particles = { positions = [[0], [1]], masses = 1 }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -36,6 +38,15 @@ def positive(name: str, value: ArrayLike) -> float:
     return found
 
 
+def count(name: str, value: object, least: int = 1) -> int:
+    """A whole number of things, at least so many."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        raise ValueError(f"{name} = {value!r}: must be {'a positive integer' if least == 1 else f'an integer, at least {least}'}")
+    if value > sys.maxsize:
+        raise ValueError(f"{name} = {value!r}: must be at most {sys.maxsize}")
+    return int(value)
+
+
 def rows(name: str, value: ArrayLike, of: str = "particle", width: int | None = None) -> Floats:
     """Rows of one to three numbers, contiguous."""
     array = real(name, value)
@@ -47,6 +58,11 @@ def rows(name: str, value: ArrayLike, of: str = "particle", width: int | None = 
     return np.ascontiguousarray(array)
 
 
+def items(count: int, of: str) -> str:
+    """Each of the things of this plural name, or the only one."""
+    return f"the only {of.removesuffix('s')}" if count == 1 else f"each of the {count} {of}"
+
+
 def each(name: str, value: ArrayLike, count: int, of: str, zero: bool = False) -> Floats:
     """One number for each of ``count`` items; a scalar is repeated."""
     array = real(name, value)
@@ -56,9 +72,7 @@ def each(name: str, value: ArrayLike, count: int, of: str, zero: bool = False) -
             raise ValueError(f"{name} = {float(array)!r}: must be finite and {rule}")
         return np.full(count, float(array))
     if array.shape != (count,):
-        raise ValueError(
-            f"{name} = an array of shape {array.shape}: must be one number, or one for each of the {count} {of}"
-        )
+        raise ValueError(f"{name} = an array of shape {array.shape}: must be one number, or one for {items(count, of)}")
     return array
 
 

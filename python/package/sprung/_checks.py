@@ -187,8 +187,7 @@ def check_gradient(
     if gradient.size != point.size:
         raise ValueError(f"grad = an array of shape {gradient.shape}: must have shape {point.shape}, as x has")
     gradient = gradient.reshape(point.shape)
-    if isinstance(directions, bool) or not isinstance(directions, (int, np.integer)) or directions < 1:
-        raise ValueError(f"directions = {directions!r}: must be a positive integer")
+    directions = _arrays.count("directions", directions)
     scale = _scale(point, length)
     function = _Function(f, point, gradient, scale)
     rng = np.random.default_rng(seed)
@@ -419,8 +418,7 @@ def check_adjoint(
       row 2, column 1: 1, measured -1: sign flipped
     """
     shapes = [_shape("x_shape", x_shape), _shape("y_shape", y_shape)]
-    if isinstance(samples, bool) or not isinstance(samples, (int, np.integer)) or samples < 1:
-        raise ValueError(f"samples = {samples!r}: must be a positive integer")
+    samples = _arrays.count("samples", samples)
     maps = [_map("tangent", tangent, shapes[1]), _map("adjoint", adjoint, shapes[0])]
     rng = np.random.default_rng(seed)
     value, rounding, bent = 0.0, 0.0, [0.0, 0.0]

@@ -45,6 +45,8 @@ class Constraint:
                 f"(there are {particles})"
             )
         axes = None if self.axes is None else [_axis(key, at, axis, dimension) for at, axis in enumerate(self.axes)]
+        if axes == []:
+            raise ValueError(f"{key}.axes = {self.axes!r}: must name at least one axis")
         if self.velocity is not None and self.path is not None:
             raise ValueError(f"{key} = velocity and path: give only one of the two")
         velocity = path = None
@@ -96,5 +98,5 @@ def constraint(index: int, entry: Any) -> Constraint:
     if unknown:
         raise ValueError(f"constraints[{index}] = {unknown[0]!r}: unknown key")
     if "particles" not in entry:
-        raise ValueError(f"constraints[{index}].particles = absent: must be given")
+        raise ValueError(f"constraints[{index}].particles: must be given")
     return Constraint(**entry)

@@ -363,7 +363,7 @@ def _steps(times: ArrayLike | None, steps: ArrayLike | None, dt: float, begin: f
         wrong = np.flatnonzero(np.abs(exact - numbers) > 1e-6)
         if wrong.size:
             at = int(wrong[0])
-            raise ValueError(f"times[{at}]: must be a whole number of steps of {dt} s from the start at {begin} s")
+            raise ValueError(f"times[{at}]: must be a whole number of steps of {dt:.6g} s from the start at {begin:.6g} s")
     else:
         assert steps is not None
         numbers = np.atleast_1d(_arrays.integers("steps", np.asarray(steps))).astype(np.int64)

@@ -89,14 +89,14 @@ def forces(given: Iterable[Any], first: int, particles: int, dimension: int) -> 
 
 def _of_rows(key: str, function: Callable[..., Any], shape: tuple[int, int]) -> Callable[..., Floats]:
     def evaluate(positions: Floats, velocities: Floats, time: float) -> Floats:
-        return _checked(key, function(positions, velocities, time), shape, f" at t = {time!r} s")
+        return _checked(key, function(positions, velocities, time), shape, f" at t = {time:.6g} s")
 
     return evaluate
 
 
 def _of_blocks(key: str, function: Callable[..., Any], shape: tuple[int, ...]) -> Callable[..., tuple[Any, Any]]:
     def evaluate(positions: Floats, velocities: Floats, time: float) -> tuple[Any, Any]:
-        given, where = function(positions, velocities, time), f" at t = {time!r} s"
+        given, where = function(positions, velocities, time), f" at t = {time:.6g} s"
         if not isinstance(given, tuple) or len(given) != 2:
             raise ValueError(f"{key}{where} = {_described(given)}: must be (stiffness, damping), each an array or None")
         stiffness, damping = (

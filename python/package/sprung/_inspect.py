@@ -107,7 +107,7 @@ class Inspection:
 
     def __repr__(self) -> str:
         what = "positive definite" if self.definite else f"{self.inertia.negative} negative eigenvalues"
-        return f"<Inspection: A under {self.stiffness} with dt = {self.dt} s: {what}>"
+        return f"<Inspection: A under {self.stiffness} with dt = {self.dt:.6g} s: {what}>"
 
     def _repr_html_(self) -> str:
         return framed(self.to_html(), 640)

@@ -121,7 +121,7 @@ class Matrices:
         return Factor(factor, kind)
 
     def __repr__(self) -> str:
-        return f"<Matrices of {self._native.order} rows: dt = {self.dt} s, stiffness {self.stiffness}>"
+        return f"<Matrices of {self._native.order} rows: dt = {self.dt:.6g} s, stiffness {self.stiffness}>"
 
 
 class Factor:

@@ -103,10 +103,9 @@ def equilibrium(
     """
     load = _arrays.number("load", load)
     tolerance = _arrays.positive("tolerance", tolerance)
-    if isinstance(iterations, bool) or not isinstance(iterations, (int, np.integer)) or iterations < 1:
-        raise ValueError(f"iterations = {iterations!r}: must be a positive integer")
+    iterations = _arrays.count("iterations", iterations)
     given = system._given(state)
-    found = _native.equilibrium(system._native, given, load, bool(leave_saddles), tolerance, int(iterations), stiffness)
+    found = _native.equilibrium(system._native, given, load, bool(leave_saddles), tolerance, iterations, stiffness)
     return Equilibrium(system, found)
 
 
@@ -170,7 +169,9 @@ class Modes:
 
         ``scipy.signal.StateSpace(*modes.state_space([0], [0]))`` takes them.
         """
-        a, b, c = self._native.state_space([int(i) for i in inputs], [int(o) for o in outputs])
+        a, b, c = self._native.state_space(
+            [_arrays.count("inputs", row, least=0) for row in inputs], [_arrays.count("outputs", row, least=0) for row in outputs]
+        )
         return a, b, c, np.zeros((c.shape[0], b.shape[1]))
 
     def harmonic_response(self, force: ArrayLike, frequencies: ArrayLike) -> np.ndarray[Any, np.dtype[np.complex128]]:
@@ -223,9 +224,7 @@ def modes(system: System, n: int, state: State | None = None) -> Modes:
     >>> found.complete, found.zero_modes
     (True, 0)
     """
-    if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
-        raise ValueError(f"n = {n!r}: must be a positive integer")
-    return Modes(system, _native.modes(system._native, system._given(state), int(n)))
+    return Modes(system, _native.modes(system._native, system._given(state), _arrays.count("n", n)))
 
 
 class Mechanisms:

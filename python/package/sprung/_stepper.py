@@ -167,8 +167,7 @@ class Stepper:
             raise ValueError("accuracy and rtol: give only one of the two")
         if accuracy is not None and callback is not None:
             raise ValueError("callback: has no run to follow, accuracy makes several")
-        if isinstance(every, bool) or not isinstance(every, int) or every < 1:
-            raise ValueError(f"every = {every!r}: must be a positive integer")
+        every = _arrays.count("every", every)
         handed = _native.run(
             self._native,
             _arrays.number("duration", duration),
@@ -191,8 +190,7 @@ class Stepper:
     def _run_differentiable(self, duration: float, dt: float | None, checkpoints: int | None) -> DifferentiableRun:
         if self._method is None:
             raise ValueError("method: must be named for a gradient, such as \"backward-euler\"")
-        if checkpoints is not None and (isinstance(checkpoints, bool) or not isinstance(checkpoints, int) or checkpoints < 2):
-            raise ValueError(f"checkpoints = {checkpoints!r}: must be an integer, at least 2")
+        checkpoints = None if checkpoints is None else _arrays.count("checkpoints", checkpoints, least=2)
         step, time = self.system._step(dt), _arrays.number("duration", duration)
         given = self.state._given()
         native = _native.differentiable_run(self.system._native, given, self._method, step, time, checkpoints)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import LinearOperator
+from scipy.spatial import KDTree
 
 from . import _arrays, _functions, _native
 from ._arrays import Floats
@@ -30,6 +34,50 @@ _EDGES = {
     "wedge": [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)],
     "hexahedron": [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)],
 }
+
+
+def _warn(notes: Iterable[str]) -> None:
+    """Warns the caller of a method of the class."""
+    for note in notes:
+        warnings.warn(note, UserWarning, stacklevel=3)
+
+
+def _sets(count: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The first point of the set of every point, as pairs join them."""
+    joined = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    labels = connected_components(joined, directed=False)[1]
+    return np.unique(labels, return_index=True)[1][labels]
+
+
+def _welded(points: Floats, pairs: NDArray[np.int64], distance: float) -> tuple[Floats, NDArray[np.int64]]:
+    """The first of the points that are no farther apart, and the pairs by their numbers."""
+    distance = _arrays.number("weld", distance)
+    if not (np.isfinite(distance) and distance >= 0):
+        raise ValueError(f"weld = {distance!r}: must be finite and not negative")
+    if not np.isfinite(points).all():
+        return points, pairs
+    kept, numbers = np.unique(_sets(len(points), KDTree(points).query_pairs(distance, output_type="ndarray")), return_inverse=True)
+    return points[kept], numbers[pairs]
+
+
+def _notes(points: Floats, pairs: NDArray[np.int64]) -> list[str]:
+    """Loose parts, coincident and unused points, as for the mesh of a scene file."""
+    notes = []
+    used = np.zeros(len(points), dtype=bool)
+    used[pairs] = True
+    parts = len(np.unique(_sets(len(points), pairs)[used]))
+    if parts > 1:
+        notes.append(f"the mesh is {parts} loose parts, which no edge joins")
+    coincident = len(points) - len(np.unique(points, axis=0))
+    if coincident:
+        lie = "1 vertex lies" if coincident == 1 else f"{coincident} vertices lie"
+        notes.append(f"{lie} where another does; weld = 0 joins them")
+    unused = np.flatnonzero(~used)
+    if len(unused) == 1:
+        notes.append(f"particle {unused[0]} is in no edge: it moves on its own")
+    elif len(unused):
+        notes.append(f"{len(unused)} particles are in no edge (the first is {unused[0]}): they move on their own")
+    return notes
 
 
 class System:
@@ -101,7 +149,7 @@ class System:
         springs = len(ends)
         if stiffness is None:
             if springs:
-                raise ValueError(f"stiffness = absent: must be given, one number for all {springs} springs or one for each")
+                raise ValueError(f"stiffness: must be given, one number for all or one for {_arrays.items(springs, 'springs')}")
             stiffness = 1.0
         entries = [constraint(at, entry) for at, entry in enumerate(constraints)]
         self._native = _native.System.from_arrays(
@@ -138,33 +186,58 @@ class System:
             For a file that does not follow the format or breaks a rule, with file, key, index and value.
         OSError
             For a file that cannot be read.
+
+        Warns
+        -----
+        UserWarning
+            Of loose parts, coincident and unused vertices of its mesh.
         """
-        return cls._of(_native.System.load(os.fspath(path)))
+        native, notes = _native.System.load(os.fspath(path))
+        _warn(notes)
+        return cls._of(native)
 
     @classmethod
-    def from_meshio(cls, mesh: str | os.PathLike[str] | Any, *, masses: ArrayLike, **parameters: Any) -> System:
+    def from_meshio(
+        cls, mesh: str | os.PathLike[str] | Any, *, masses: ArrayLike, weld: float | None = None, **parameters: Any
+    ) -> System:
         """A system from a mesh of the package ``meshio``: points become particles, and each edge of a cell becomes one spring.
 
         Parameters
         ----------
         mesh : path-like or meshio.Mesh
             Lines, triangles, quadrilaterals, polygons, tetrahedra, pyramids, wedges and hexahedra are supported; vertices are ignored.
+            ``meshio`` leaves out the lines of OBJ files; a scene file with ``[mesh]`` has them.
         masses, **parameters
             As for the class.
+        weld : float, optional
+            Joins points that are no farther apart, in m, directly or through others; the first of them stays. Zero joins coincident ones.
 
         Raises
         ------
         ImportError
             For a path, if ``meshio`` is not installed.
         ValueError
-            For cells with curved edges, and for invalid values.
+            For a file that ``meshio`` cannot read, no points, cells with curved edges, and invalid values.
+
+        Warns
+        -----
+        UserWarning
+            Of loose parts, coincident and unused points.
         """
         name = "the mesh"
         if isinstance(mesh, (str, os.PathLike)):
             import meshio
 
             name = os.fspath(mesh)
-            mesh = meshio.read(mesh)
+            try:
+                mesh = meshio.read(mesh)
+            # For some files meshio ends the program.
+            except (SystemExit, meshio.ReadError) as error:
+                reason = str(error).strip() if isinstance(error, meshio.ReadError) else ""
+                raise ValueError(f"{name}: meshio cannot read it{': ' if reason else ''}{reason}") from None
+        points = np.asarray(mesh.points, dtype=np.float64)
+        if len(points) == 0:
+            raise ValueError(f"{name}: has no points")
         found = [np.empty((0, 2), dtype=np.int64)]
         for block in mesh.cells:
             if block.type == "vertex":
@@ -175,14 +248,21 @@ class System:
                 found += [np.asarray(block.data)[:, list(edge)] for edge in _EDGES[block.type]]
             else:
                 raise ValueError(f"{name}: cells of type {block.type!r}: only cells with straight edges are read")
-        pairs = np.sort(np.concatenate(found), axis=1)
+        pairs = np.concatenate(found)
+        if weld is not None:
+            points, pairs = _welded(points, pairs, weld)
+        pairs = np.sort(pairs, axis=1)
         pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
-        return cls(mesh.points, pairs, masses=masses, **parameters)
+        system = cls(points, pairs, masses=masses, **parameters)
+        _warn(_notes(points, pairs))
+        return system
 
     @classmethod
     def parse(cls, text: str, format: str = "toml") -> System:
         """Read the text of a scene file, ``"toml"`` or ``"json"``."""
-        return cls._of(_native.System.parse(text, format))
+        native, notes = _native.System.parse(text, format)
+        _warn(notes)
+        return cls._of(native)
 
     @classmethod
     def ready(cls, kind: str, size: int | None = None, refine: bool = False) -> System:
@@ -196,8 +276,7 @@ class System:
         refine : bool
             Keep extent, mass and elasticity of the default size, and refine the mesh.
         """
-        if size is not None and (isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 1):
-            raise ValueError(f"size = {size!r}: must be a positive integer")
+        size = None if size is None else _arrays.count("size", size)
         return cls._of(_native.System.ready(kind, size, bool(refine)))
 
     def with_forces(self, *forces: ExternalForce | Callable[..., Any]) -> System:

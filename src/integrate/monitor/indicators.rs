@@ -3,6 +3,7 @@
 //! The estimate is the [propagated error](crate::integrate::PropagatedError) over the extent of the scene. Energy from nowhere is
 //! an error that positions do not show.
 
+use crate::error::significant;
 use serde::Serialize;
 
 /// The estimate above which a run of fixed steps warns. Nine in ten estimates are within ten times of the true error (study of
@@ -53,7 +54,7 @@ impl ErrorIndicators {
         if let Some(estimate) = estimate.filter(|&estimate| estimate > threshold(rtol)) {
             let mut text = format!("the relative position error at the end is about {}", percent(estimate));
             if let Some(until) = predictable_until.filter(|&until| until > 0.0) {
-                text += &format!("; positions are predictable until about {until:.3} s");
+                text += &format!("; positions are predictable until about {} s", significant(until, 3));
             }
             if local_errors > 0.0 && estimate >= MAGNIFIED * local_errors {
                 let magnified = estimate / local_errors;
@@ -95,7 +96,7 @@ mod tests {
         let magnified = "; the motion magnifies the errors of its steps 21 times";
         assert_eq!(of(Some(0.021)).warnings(None), [format!("{text}{magnified}")]);
         let until = ErrorIndicators { local_errors: 0.0, predictable_until: Some(0.25), ..of(Some(0.021)) };
-        assert_eq!(until.warnings(None), [format!("{text}; positions are predictable until about 0.250 s")]);
+        assert_eq!(until.warnings(None), [format!("{text}; positions are predictable until about 0.25 s")]);
         // Within five tolerances.
         assert!(of(Some(0.049)).warnings(Some(0.01)).is_empty() && of(Some(0.051)).warnings(Some(0.01)).len() == 1);
         let gaining = ErrorIndicators { gained: 1.1, ..of(None) };

@@ -5,7 +5,7 @@ use super::{
     turning,
 };
 use crate::inspect::{Culprit, Direction, Inspection, Part};
-use crate::report::number::{count, plain};
+use crate::report::number::{compact, count, plain};
 
 /// Culprits, directions, clusters and springs of a set that are listed.
 const LISTED: usize = 6;
@@ -35,7 +35,8 @@ impl InspectionReport<'_> {
         if inertia.negative + inertia.zero + inertia.positive == 0 {
             return format!("{scene}{at}: no coordinate is free, so A has no rows, and there is nothing to inspect");
         }
-        let mut lines = vec![format!("{scene}{at}: A is {verdict} (stiffness {}, dt = {dt:?} s)", option.name())];
+        let mut lines =
+            vec![format!("{scene}{at}: A is {verdict} (stiffness {}, dt = {} s)", option.name(), compact(*dt))];
         let is_counted = !inspection.lacks(Part::Signs(*option));
         let signs = match is_counted {
             false => "signs not counted".to_owned(),
@@ -166,7 +167,7 @@ pub fn first_answer(inspection: &Inspection) -> Option<String> {
         let (strain, share) = (plain(*strain), plain(*share));
         format!("; most of it by spring {spring} ({i}–{j}): strain {strain}, share about {share}")
     });
-    Some(format!("A is {what} (stiffness {}, dt = {dt:?} s){}", option.name(), worst.unwrap_or_default()))
+    Some(format!("A is {what} (stiffness {}, dt = {} s){}", option.name(), compact(*dt), worst.unwrap_or_default()))
 }
 
 fn turned(inspection: &Inspection) -> Vec<String> {

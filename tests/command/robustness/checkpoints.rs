@@ -154,7 +154,7 @@ fn interrupted_runs_are_resumed() {
     let again = "run cloth.toml --dt 1e-5 --steps 20 --out o --frames 1000 --resume".split(' ').collect::<Vec<_>>();
     let answer = sandbox.sprung(&again).ends_with(0);
     answer.complains(&[
-        "o: a run by linear-backward-euler ended here, completed at t = 0.06 s; its checkpoint is not before the end of this run",
+        "o: a run of cloth by linear-backward-euler ended here, completed at t = 0.06 s; its checkpoint is not before the end of this run",
         "starts again",
     ]);
     assert_eq!(sandbox.json("o/summary.json")["steps"], 20);
@@ -173,12 +173,19 @@ fn checkpoints_of_other_runs_and_damaged_ones_are_refused() {
     sandbox.sprung(&nothing).ends_with(2).complains(&["none: no checkpoint to resume from"]);
     killed_after_a_checkpoint(&sandbox, &fixed.split(' ').collect::<Vec<_>>(), "-INT");
     let good = sandbox.read("o/checkpoint");
-    for more in ["--method w2", "--solver cg", "--stiffness axial", "--tolerance 1e-8", "--allow-unstable"] {
-        resume(more).ends_with(2).complains(&["o: its checkpoint is of another run"]);
+    for (more, difference) in [
+        ("--method w2", "--method was linear-backward-euler, and is w2"),
+        ("--solver cg", "--solver was auto, and is cg; --tolerance was adaptive, and is 1e-10"),
+        ("--stiffness axial", "--stiffness was on-demand, and is axial"),
+        ("--tolerance 1e-8", "--tolerance was adaptive, and is 1e-8"),
+        ("--allow-unstable", "--allow-unstable was not given, and is given"),
+    ] {
+        let expected = format!("o: its checkpoint is of another run ({difference}): give the scene and the arguments");
+        resume(more).ends_with(2).complains(&[&expected]);
     }
     let scene = sandbox.read("cloth.toml");
     sandbox.put("cloth.toml", &scene.replacen("velocity = [0, 0, 0.5]", "velocity = [0, 0, 0.6]", 1));
-    resume("").ends_with(2).complains(&["another run"]);
+    resume("").ends_with(2).complains(&["another run (the scene or its state at the start has changed): give"]);
     sandbox.put("cloth.toml", &scene);
     let middle = good.len() / 2;
     let digit = good[middle..].find(|c: char| c.is_ascii_digit()).unwrap() + middle;
@@ -278,7 +285,9 @@ fn what_depends_on_the_length_begins_again() {
     // Another method is another run.
     sandbox.sprung(&lengthened("--steps 20", "--frames 4", "o")).ends_with(0);
     let other = [&lengthened("--steps 30", "--frames 4", "o")[..], &["--method", "bdf2", "--resume"]].concat();
-    sandbox.sprung(&other).ends_with(0).complains(&["its checkpoint is of another run: this run starts again"]);
+    sandbox.sprung(&other).ends_with(0).complains(&[
+        "its checkpoint is of another run (--method was linear-backward-euler, and is bdf2): this run starts again",
+    ]);
     assert_eq!(sandbox.json("o/summary.json")["method"], "bdf2");
     // One that kept no checkpoint leaves nothing.
     sandbox.sprung(&["run", "cloth.toml", "--dt", "0.0001", "--steps", "5", "--out", "o"]).ends_with(0);
