@@ -70,8 +70,8 @@ impl History {
         let now = between(t - tolerance, t + h - tolerance);
         let before = between(t - last - tolerance, t - tolerance);
         let inside = between(t - last + tolerance, t - tolerance);
-        let is_curve = now && before && h <= MOST_GROWTH * last;
-        (now || inside) && !is_curve
+        let before = before && h <= MOST_GROWTH * last;
+        (now || inside) && !(now && before)
     }
 
     /// True if a state is the end of the last step. Its time may have been rounded otherwise, and prescribed coordinates with it.
@@ -241,6 +241,8 @@ mod tests {
             assert_eq!(ratio(points, 1.5, 0.5, 0.5), 1.0, "{points:?}");
         }
         assert_eq!(ratio(&[1.1, 1.2, 2.3], 1.5, 0.5, 0.5), 0.0);
+        // A step that is too long beside the last one does not follow the curve.
+        assert_eq!([1.0, 1.01].map(|h| ratio(&[1.0, 1.5], 1.5, 0.5, h)), [2.0, 0.0]);
     }
 
     /// Another position, velocity or time of a free particle; times may have been rounded, and prescribed positions with them.
