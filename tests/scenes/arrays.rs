@@ -140,7 +140,7 @@ fn what_is_wrong_is_named() {
         ),
         ("springs.damping", doubles("(9223372036854775807, 9)", &[0.0]), "speaks of more numbers than there can be"),
         ("scene", doubles("()", &[0.0]), "must be text"),
-        ("scene", text("[1]"), "is a list, must be a table at line 1 column 0"),
+        ("scene", text("[1]"), "is a list, must be a table at line 1 column 1"),
         (
             "scene",
             text(r#"{"gravty": 1}"#),

@@ -108,7 +108,8 @@ fn wrong_meshes_are_rejected_with_the_line() {
     for (obj, message) in [
         (
             "v 0 0 0\nv 1 0\nf 1 2",
-            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: line 2: a vertex has three coordinates: \"v 1 0\"",
+            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: line 2: a vertex has 3 coordinates, and may have a weight and 3 \
+             colours: not 2 numbers: \"v 1 0\"",
         ),
         (
             "v 0 0 0\nv 1 zero 0\n",
@@ -132,7 +133,7 @@ fn wrong_meshes_are_rejected_with_the_line() {
         ),
         (
             "v 0 0 0\nv 0 inf 0\n",
-            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: v[1] = [0.0, inf, 0.0]: must be finite",
+            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: line 2: the coordinates [0.0, inf, 0.0] must be finite",
         ),
         (
             "v 0 0 0\nv 0 0 0\nf 1 2",
