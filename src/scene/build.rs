@@ -56,9 +56,6 @@ impl Scene {
     fn parts(&self) -> Result<(SystemBuilder, Vec<[u32; 3]>, Vec<String>)> {
         let (dimension, mesh) = self.geometry()?;
         let n = mesh.vertices.len();
-        if n == 0 {
-            return Err(Invalid::new("particles.positions", "", "must have at least one row").into());
-        }
         // Bytes of a particle and of a spring, checking and sorting included.
         memory::ensure(400 * n as u64 + 160 * mesh.edges.len() as u64, "the scene")?;
         let velocities = match &self.particles.velocities {
@@ -219,9 +216,6 @@ fn constraint(index: usize, entry: &ConstraintEntry, dimension: usize) -> Result
     let key = format!("constraints[{index}]");
     let mut axes = Axes::first(dimension);
     if let Some(list) = &entry.axes {
-        if list.is_empty() {
-            return Err(Invalid::new(format!("{key}.axes"), "[]", "must name at least one axis"));
-        }
         if let Some((at, axis)) = list.iter().enumerate().find(|(_, axis)| axis.index() >= dimension) {
             let rule = format!("is not modelled: the scene's rows have length {dimension}");
             return Err(Invalid::new(format!("{key}.axes"), format!("{:?}", axis.letter()), rule).at(at));

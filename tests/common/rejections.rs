@@ -48,7 +48,6 @@ macro_rules! rejections {
             pair_of_one: "[[0, 1], [1, 2]]", "[[0], [1, 2]]" => "springs.pairs[0]: has 1 entry, must be a pair of particle numbers at line 11 column 10";
             spring_of_zero_length: "[1.1, 0, 0]", "[0, 0, 0]" => "springs.pairs[0] = [0, 1]: is a spring of zero current length";
 
-            positions_empty: "[[0, 0, 0], [1.1, 0, 0], [1.5, 0.9, 0.2]]", "[]" => "particles.positions: must have at least one row";
             positions_ragged: "[1.1, 0, 0]", "[1.1, 0]" => "particles.positions[1] = [1.1, 0.0]: must have length 3, as the scene's other rows";
             position_empty: "[1.1, 0, 0]", "[]" => "particles.positions[1]: has 0 entries, must be a row of 1, 2 or 3 numbers at line 6 column 25";
             position_of_four: "[1.1, 0, 0]", "[1.1, 0, 0, 0]" => "particles.positions[1]: has 4 entries, must be a row of 1, 2 or 3 numbers at line 6 column 25";
@@ -63,7 +62,6 @@ macro_rules! rejections {
 
             constraint_of_no_particle: "particles = [1, 2]", "particles = [1, 3]" => "constraints[1].particles[1] = 3: names a particle that does not exist (there are 3)";
             constraint_without_particles: "particles = [1, 2]", "" => "constraints[1]: missing key particles at line 21 column 1";
-            constraint_without_axes: "[\"x\", \"y\"]", "[]" => "constraints[0].axes = []: must name at least one axis";
             constraint_axis_unknown: "[\"x\", \"y\"]", "[\"x\", \"w\"]" => "constraints[0].axes[1]: is the text \"w\", must be \"x\", \"y\" or \"z\" at line 18 column 14";
             constraint_velocity_planar: "[0, 0, 0.5]", "[0, 0.5]" => "constraints[0].velocity = [0.0, 0.5]: must have length 3, as the scene's other rows";
             constraint_velocity_nan: "[0, 0, 0.5]", "[nan, 0, 0.5]" => "constraints[0].velocity = [NaN, 0.0, 0.5]: must be finite";

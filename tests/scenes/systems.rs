@@ -29,11 +29,16 @@ fn the_length_of_the_rows_is_the_dimension() {
 }
 
 #[test]
-fn a_scene_without_particles_is_refused() {
-    for text in ["", "particles = {}\nsprings = {}\nconstraints = []", "particles.positions = []\nparticles.masses = 1"]
-    {
-        let message = Scene::from_toml(text).unwrap().build().unwrap_err().to_string();
-        assert_eq!(message, "particles.positions: must have at least one row", "{text:?}");
+fn an_empty_scene_is_valid_and_has_the_dimension_of_its_gravity() {
+    for (text, dimension) in [
+        ("", 3),
+        ("particles = {}\nsprings = {}\nconstraints = []", 3),
+        ("gravity = [-9.81]", 1),
+        ("gravity = [0, -9.81]\nparticles.masses = 1", 2),
+    ] {
+        let (system, state) = build(text);
+        assert_eq!((system.dimension(), system.particles(), system.dofs().len()), (dimension, 0, 0), "{text:?}");
+        assert!(system.springs().is_empty() && state.positions.is_empty());
     }
 }
 
@@ -97,6 +102,11 @@ fn later_constraints_override_earlier_ones_axis_by_axis() {
     let constraints = "[[constraints]]\nparticles = [0]\nvelocity = [1, 1]\n
         [[constraints]]\nparticles = [0]\naxes = [\"y\"]\n";
     assert_eq!(motion(constraints, &[2.0]), (String::new(), vec![[3.0, 2.0]]));
+}
+
+#[test]
+fn an_empty_list_of_axes_prescribes_nothing() {
+    assert_eq!(motion("[[constraints]]\nparticles = [0]\naxes = []", &[1.0]), ("0x 0y".into(), vec![[1.0, 2.0]]));
 }
 
 #[test]

@@ -45,8 +45,6 @@ class Constraint:
                 f"(there are {particles})"
             )
         axes = None if self.axes is None else [_axis(key, at, axis, dimension) for at, axis in enumerate(self.axes)]
-        if axes == []:
-            raise ValueError(f"{key}.axes = {self.axes!r}: must name at least one axis")
         if self.velocity is not None and self.path is not None:
             raise ValueError(f"{key} = velocity and path: give only one of the two")
         velocity = path = None
