@@ -45,7 +45,7 @@ fn steps_must_be_countable() {
     for dt in ["1e-310", "1e-17"] {
         for more in [&[][..], &["--rtol", "1e-2"], &["--method", "forward-euler"]] {
             let arguments = [&["run", "spring.toml", "--duration", "1", "--dt", dt], more].concat();
-            sandbox.sprung(&arguments).ends_with(2).complains(&["spring.toml: time.dt = ", dt, "more than 2^53 steps"]);
+            sandbox.sprung(&arguments).ends_with(2).complains(&["--dt = ", dt, "more than 2^53 steps"]);
         }
     }
     let endless = ["run", "spring.toml", "--dt", "1e308", "--steps", "100"];
