@@ -39,12 +39,12 @@ fn a_factor_that_does_not_fit_is_an_error_or_not_needed() {
         limited(&sandbox, &format!("ulimit -v {limit}"), &arguments)
     };
     for solver in ["llt", "ldlt"] {
-        let answer = run(130_000, &format!("--solver {solver}")).ends_with(2);
+        let answer = run(145_000, &format!("--solver {solver}")).ends_with(2);
         answer.complains(&["error: the factor of the matrix takes "]);
         let units = ["MB", "GB"].map(|unit| format!(" {unit}, and there is room for "));
         assert!(units.iter().any(|unit| answer.stderr.contains(unit)), "{}", answer.stderr);
     }
-    let summary = run(130_000, "").ends_with(0).json();
+    let summary = run(145_000, "").ends_with(0).json();
     assert_eq!((&summary["solver"], &summary["status"]), (&"cg".into(), &"completed".into()));
     assert_eq!(run((2_000_000 + workspaces()).min(8_000_000), "--solver llt").ends_with(0).json()["solver"], "llt");
 }
