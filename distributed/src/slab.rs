@@ -85,7 +85,7 @@ pub fn whole(scene: &Scene, time: &TimeSettings, system: &System, state: &State)
         dt: time.dt,
         duration: time.duration,
         motions: prescribed.motions().iter().map(Moves::from).collect(),
-        fingerprint: sprung::output::fingerprint(system, state, ""),
+        fingerprint: sprung::output::fingerprint(system, state),
     };
     let mut slab = Slab::default();
     for ((x, v), &mass) in state.positions.iter().zip(&state.velocities).zip(system.masses()) {
