@@ -303,6 +303,18 @@ mod tests {
         }
     }
 
+    /// A solve aside is as good as it was asked for, and the next one as the solver's own tolerance says.
+    #[test]
+    fn solves_aside_leave_the_tolerance() {
+        let scene = chain(500);
+        let (a, b) = (operator(&scene, 1.0), right_hand_side(500));
+        let (mut work, mut solver) = (Work::default(), solver(&scene.0, PreconditionerKind::None));
+        let mut prepared = solver.prepare(&a, &mut work).unwrap();
+        let aside = prepared.solve_aside(&b, &mut [0.0; 500], 1e-2, &mut work).unwrap();
+        let own = prepared.solve(&b, &mut [0.0; 500], &mut work).unwrap();
+        assert!(aside.relative_residual > 1e-6 && own.relative_residual <= 1e-10, "{aside:?} {own:?}");
+    }
+
     /// At the limit a solve ends and says so; what it has found serves as a first guess.
     #[test]
     fn solves_end_at_their_limit() {
