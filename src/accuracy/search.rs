@@ -124,7 +124,8 @@ impl<R> Answer<R> {
             (Verdict::Confirmed, _) => None,
             (Verdict::Interrupted, _) => Some(format!("interrupted: {known}")),
             (Verdict::Unconfirmed(why), Some(until)) => Some(format!(
-                "an accuracy of {required} could not be confirmed, {why}: positions are predictable to {required} until about {until:.3} s"
+                "an accuracy of {required} could not be confirmed, {why}: positions are predictable to {required} until about {} s",
+                significant(until, 3)
             )),
             (Verdict::Unconfirmed(why), None) => {
                 Some(format!("an accuracy of {required} could not be confirmed, {why}: {known}"))
