@@ -35,7 +35,9 @@ pub fn of_argument(error: Error) -> PyErr {
     raised(match error {
         Error::Invalid(invalid) => {
             let key = ["particles.", "springs."].iter().find_map(|table| invalid.key.strip_prefix(table));
-            let key = key.unwrap_or(&invalid.key).to_owned();
+            let key = key.unwrap_or(&invalid.key).replace("drag.coefficient", "drag");
+            // The scene's table of forces, which are loads here.
+            let key = if key == "forces" { "loads".into() } else { key };
             Error::Invalid(Invalid { key, ..invalid })
         }
         other => other,

@@ -15,7 +15,7 @@ use sprung::nalgebra::Vector3;
 use sprung::output::AtomicFile;
 use sprung::scene::{Built, Scene, TimeSettings, builtin, refined};
 use sprung::spring::Extension;
-use sprung::system::{Axes, Constraint, Motion};
+use sprung::system::{Actuation, Axes, Behaviour, Constraint, Curve, Loads, Motion};
 use sprung::{Error, Spring, State, SystemBuilder};
 use std::io::Write;
 use std::path::PathBuf;
@@ -179,6 +179,31 @@ impl System {
         Ok(Self { system, ..self.with_functions(py, Vec::new(), None) })
     }
 
+    /// The same system with these loads, drag, gravity in time, tension-only springs and rest lengths in time.
+    fn with_loads(
+        &self,
+        py: Python<'_>,
+        loads: Option<PyReadonlyArray2<'_, f64>>,
+        drag: PyReadonlyArray1<'_, f64>,
+        gravity: Option<(Vec<f64>, Vec<[f64; 3]>)>,
+        tension_only: Vec<bool>,
+        actuation: Vec<(Vec<usize>, Vec<f64>, Vec<f64>)>,
+    ) -> PyResult<Self> {
+        let gravity =
+            gravity.map(|(times, values)| Curve { times, values: values.into_iter().map(Vector3::from).collect() });
+        let loads = Loads {
+            forces: loads.map(|loads| vectors(&loads)).unwrap_or_default(),
+            drag: Some(drag.as_array().to_vec()).filter(|drag| drag.iter().any(|&c| c != 0.0)).unwrap_or_default(),
+            gravity,
+        };
+        let actuation = actuation.into_iter();
+        let actuation =
+            actuation.map(|(springs, times, values)| Actuation { springs, factors: Curve { times, values } }).collect();
+        let system = (*self.system).clone().with_behaviour(Behaviour { tension_only, actuation });
+        let system = system.and_then(|system| system.with_loads(loads)).map_err(of_argument)?;
+        Ok(Self { system: Arc::new(system), ..self.with_functions(py, Vec::new(), None) })
+    }
+
     fn __traverse__(&self, visit: PyVisit<'_>) -> Result<(), PyTraverseError> {
         self.functions.traverse(&visit)
     }
@@ -240,6 +265,27 @@ impl System {
     #[getter]
     fn gravity(&self) -> Vec<f64> {
         self.system.gravity().iter().take(self.system.dimension()).copied().collect()
+    }
+
+    /// Constant loads, a row for every particle.
+    #[getter]
+    fn loads<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let mut forces = self.system.loads().forces.clone();
+        forces.resize(self.system.particles(), Vector3::zeros());
+        rows(py, &forces, self.system.dimension())
+    }
+
+    #[getter]
+    fn drag<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let mut drag = self.system.loads().drag.clone();
+        drag.resize(self.system.particles(), 0.0);
+        PyArray1::from_vec(py, drag)
+    }
+
+    #[getter]
+    fn tension_only<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        let springs = 0..self.system.springs().len();
+        PyArray1::from_iter(py, springs.map(|spring| self.system.behaviour().is_tension_only(spring)))
     }
 
     #[getter]

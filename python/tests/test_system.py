@@ -337,3 +337,82 @@ def test_other_springs_in_the_same_system():
             system.with_springs(**{name: wrong})
         with pytest.raises(ValueError, match=rf"{name} = an array of shape \(2,\)"):
             system.with_springs(**{name: [1.0, 2.0]})
+
+
+PULLED = """
+gravity = { times = [0, 1], values = [[0, -9.81], [0, 0]] }
+[particles]
+positions = [[0, 0], [1, 0], [2, 0]]
+masses = [1, 2, 3]
+[springs]
+pairs = [[0, 1], [1, 2]]
+stiffness = [10, 20]
+rest_lengths = [1, 2]
+tension_only = [false, true]
+[[springs.actuation]]
+springs = [0]
+path = { times = [0, 0.5], factors = [1, 1.5] }
+[[forces]]
+particles = [2]
+value = [3, -1]
+[drag]
+coefficient = [0, 0.5, 1]
+[[constraints]]
+particles = [0]
+"""
+
+
+def pulled(**changed: object) -> sprung.System:
+    given = dict(
+        positions=[[0, 0], [1, 0], [2, 0]],
+        pairs=[[0, 1], [1, 2]],
+        masses=[1, 2, 3],
+        stiffness=[10, 20],
+        rest_lengths=[1, 2],
+        tension_only=[False, True],
+        actuation=[{"springs": [0], "path": {"times": [0, 0.5], "factors": [1, 1.5]}}],
+        gravity={"times": [0, 1], "values": [[0, -9.81], [0, 0]]},
+        loads=[[0, 0], [0, 0], [3, -1]],
+        drag=[0, 0.5, 1],
+        constraints=[sprung.Constraint(0)],
+    )
+    return sprung.System(**{**given, **changed})
+
+
+def test_loads_and_springs_that_are_special_are_those_of_scene_files():
+    system, scene = pulled(), sprung.System.parse(PULLED)
+    ends = [sprung.Stepper(one, method="rodas4").run(0.8, rtol=1e-4).final for one in (system, scene)]
+    np.testing.assert_array_equal(ends[0].positions, ends[1].positions)
+    plain = sprung.Stepper(pulled(actuation=(), tension_only=False, drag=0.0, loads=None, gravity=None), method="rodas4")
+    assert np.abs(plain.run(0.8, rtol=1e-4).final.positions - ends[0].positions).max() > 0.1
+    for name in ("loads", "drag", "tension_only", "gravity"):
+        np.testing.assert_array_equal(getattr(system, name), getattr(scene, name))
+    # A pair is a path as well, and one value counts for all.
+    other = pulled(gravity=([0, 1], [[0, -9.81], [0, 0]]), drag=0.5, tension_only=True)
+    np.testing.assert_array_equal(other.gravity, [0, -9.81])
+    assert list(other.drag) == [0.5] * 3 and all(other.tension_only)
+    same(pickle.loads(pickle.dumps(system)), system)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(system)).loads, system.loads)
+
+
+@pytest.mark.parametrize(
+    "changed, message",
+    [
+        (dict(loads=[[0, 1]]), "loads = an array of shape (1, 2): must have the shape (3, 2)"),
+        (dict(loads=[[0, 1], [0, 2], [0, np.nan]]), "loads[2] = [0.0, NaN, 0.0]: must be finite"),
+        (dict(drag=[0, -1, 0]), "drag[1] = -1: must be finite and not negative"),
+        (dict(drag=-1), "drag = -1.0: must be finite and not negative"),
+        (dict(drag=[1, 2]), "drag = an array of shape (2,): must be one number, or one for each of the 3 particles"),
+        (dict(tension_only=[True]), "tension_only = [True]: must be True or False"),
+        (dict(tension_only=[1, 0]), "tension_only = [1, 0]: must be True or False"),
+        (dict(gravity={"times": [0], "values": [[0, 1], [0, 2]]}), "gravity.values = a list of 2: must have one entry"),
+        (dict(gravity={"times": [0], "value": [[0, 1]]}), "gravity = ['times', 'value']: must have the keys times and values"),
+        (dict(actuation=[{"springs": [0]}]), "actuation[0] = {'springs': [0]}: must be a mapping with the keys springs and path"),
+        (dict(actuation=[{"springs": [2], "path": ([0], [1])}]), "actuation[0].springs[0] = 2: names a spring that does not exist"),
+        (dict(actuation=[{"springs": [0], "path": ([0, 1], [1, -1])}]), "actuation[0].path.factors[1] = -1: must be finite and positive"),
+    ],
+)
+def test_unusable_loads_and_springs_are_named(changed, message):
+    with pytest.raises(ValueError) as error:
+        pulled(**changed)
+    assert str(error.value).startswith(message)

@@ -76,6 +76,14 @@ def each(name: str, value: ArrayLike, count: int, of: str, zero: bool = False) -
     return array
 
 
+def flags(name: str, value: ArrayLike, count: int, of: str) -> list[bool]:
+    """One truth value for each of ``count`` items; a single one is repeated."""
+    array = np.asarray(value)
+    if array.dtype != bool or array.shape not in ((), (count,)):
+        raise ValueError(f"{name} = {value!r}: must be True or False, or an array with one of them for {items(count, of)}")
+    return np.broadcast_to(array, (count,)).tolist()
+
+
 def integers(name: str, value: ArrayLike) -> NDArray[np.integer]:
     """Whole numbers."""
     try:

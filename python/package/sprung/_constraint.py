@@ -71,19 +71,41 @@ def vector(key: str, value: ArrayLike, dimension: int) -> list[float]:
 
 
 def _path(key: str, path: Any, dimension: int) -> tuple[list[float], list[list[float]]]:
+    times, offsets = curve(key, path, "offsets")
+    return times, vectors(f"{key}.offsets", offsets, dimension)
+
+
+def curve(key: str, path: Any, values: str) -> tuple[list[float], Any]:
+    """Times and values of a piecewise linear function, from a pair or from a mapping with these keys."""
     if isinstance(path, Mapping):
-        unknown = sorted(set(path) - {"times", "offsets"})
-        if unknown or len(path) != 2:
-            raise ValueError(f"{key} = {sorted(path)}: must have the keys times and offsets")
-        path = path["times"], path["offsets"]
+        if set(path) != {"times", values}:
+            raise ValueError(f"{key} = {sorted(path)}: must have the keys times and {values}")
+        path = path["times"], path[values]
     try:
-        times, offsets = path
+        times, found = path
     except (TypeError, ValueError):
-        raise ValueError(f"{key} = {path!r}: must be (times, offsets)") from None
-    times = np.atleast_1d(_arrays.real(f"{key}.times", times)).ravel()
-    offsets = _arrays.rows(f"{key}.offsets", offsets, of="time", width=dimension)
-    absent = np.zeros((len(offsets), 3 - dimension))
-    return times.tolist(), np.hstack([offsets, absent]).tolist()
+        raise ValueError(f"{key} = {path!r}: must be (times, {values})") from None
+    return np.atleast_1d(_arrays.real(f"{key}.times", times)).ravel().tolist(), found
+
+
+def vectors(key: str, rows: ArrayLike, dimension: int, of: str = "time") -> list[list[float]]:
+    """Rows of three numbers, zero along axes that are not modelled."""
+    rows = _arrays.rows(key, rows, of=of, width=dimension)
+    return np.hstack([rows, np.zeros((len(rows), 3 - dimension))]).tolist()
+
+
+def actuation(index: int, entry: Any) -> tuple[list[int], list[float], list[float]]:
+    """Springs, times and factors, from a mapping with the keys of a scene file."""
+    key = f"actuation[{index}]"
+    if not isinstance(entry, Mapping) or set(entry) != {"springs", "path"}:
+        raise ValueError(f"{key} = {entry!r}: must be a mapping with the keys springs and path")
+    numbers = np.atleast_1d(_arrays.integers(f"{key}.springs", entry["springs"])).ravel()
+    wrong = np.flatnonzero(numbers < 0)
+    if wrong.size:
+        at = int(wrong[0])
+        raise ValueError(f"{key}.springs[{at}] = {int(numbers[at])}: names a spring that does not exist")
+    times, factors = curve(f"{key}.path", entry["path"], "factors")
+    return numbers.tolist(), times, np.atleast_1d(_arrays.real(f"{key}.path.factors", factors)).ravel().tolist()
 
 
 def constraint(index: int, entry: Any) -> Constraint:

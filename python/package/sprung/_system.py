@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 
 from . import _arrays, _functions, _native
 from ._arrays import Floats
-from ._constraint import Constraint, constraint, vector
+from ._constraint import Constraint, actuation as actuated, constraint, curve, vector, vectors
 from ._functions import ExternalForce
 from ._html import framed
 from ._matrices import Factor, Matrices, linear_operator
@@ -80,6 +80,13 @@ def _notes(points: Floats, pairs: NDArray[np.int64]) -> list[str]:
     return notes
 
 
+def _rows_for(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    rows = _arrays.rows(name, value, width=shape[1])
+    if rows.shape != shape:
+        raise ValueError(f"{name} = an array of shape {rows.shape}: must have the shape {shape}")
+    return rows
+
+
 class System:
     """An immutable mass-spring system, valid by construction.
 
@@ -99,8 +106,18 @@ class System:
         In N s/m, along the spring.
     velocities : array_like, shape (particles, dimension), optional
         ``v(0)`` in m/s; default: at rest.
-    gravity : array_like, shape (dimension,), optional
-        The gravitational acceleration, in m/s**2; default: none.
+    tension_only : bool or array_like of bool, shape (springs,)
+        Springs that exert no force while shorter than at rest.
+    actuation : iterable of mapping
+        Rest lengths that change in time, as in a scene file: ``{"springs": [0, 1], "path": {"times": [0, 1], "factors": [1, 1.2]}}``;
+        times in s.
+    gravity : array_like, shape (dimension,), or (times, values), optional
+        The gravitational acceleration, in m/s**2; default: none. With times in s it is piecewise linear and clamped at both ends;
+        a mapping has the keys ``times`` and ``values``.
+    loads : array_like, shape (particles, dimension), optional
+        Constant forces on the particles, in N.
+    drag : float or array_like, shape (particles,)
+        c of the force ``-c v`` on every particle, in N s/m.
     constraints : iterable of Constraint or mapping
         Kinematic constraints; mappings have the keys of a scene file.
     forces : iterable of ExternalForce or callable
@@ -132,8 +149,12 @@ class System:
         stiffness: ArrayLike | None = None,
         rest_lengths: ArrayLike | None = None,
         damping: ArrayLike = 0.0,
+        tension_only: ArrayLike = False,
+        actuation: Iterable[Mapping[str, Any]] = (),
         velocities: ArrayLike | None = None,
-        gravity: ArrayLike | None = None,
+        gravity: Any = None,
+        loads: ArrayLike | None = None,
+        drag: ArrayLike = 0.0,
         constraints: Iterable[Constraint | Mapping[str, Any]] = (),
         forces: Iterable[ExternalForce | Callable[..., Any]] = (),
         spring_law: Callable[..., Any] | None = None,
@@ -141,10 +162,7 @@ class System:
     ) -> None:
         places = _arrays.rows("positions", positions)
         count, dimension = places.shape
-        moving = np.zeros_like(places) if velocities is None else velocities
-        moving = _arrays.rows("velocities", moving, width=dimension)
-        if len(moving) != count:
-            raise ValueError(f"velocities = an array of shape {moving.shape}: must have the shape {places.shape}")
+        moving = _rows_for("velocities", np.zeros_like(places) if velocities is None else velocities, places.shape)
         ends = _arrays.pairs("pairs", pairs, count)
         springs = len(ends)
         if stiffness is None:
@@ -152,6 +170,10 @@ class System:
                 raise ValueError(f"stiffness: must be given, one number for all or one for {_arrays.items(springs, 'springs')}")
             stiffness = 1.0
         entries = [constraint(at, entry) for at, entry in enumerate(constraints)]
+        path = None
+        if isinstance(gravity, Mapping) or (isinstance(gravity, tuple) and len(gravity) == 2 and np.ndim(gravity[1]) == 2):
+            times, values = curve("gravity", gravity, "values")
+            path = times, vectors("gravity.values", values, dimension)
         self._native = _native.System.from_arrays(
             str(name),
             places,
@@ -161,8 +183,14 @@ class System:
             _arrays.each("stiffness", stiffness, springs, "springs"),
             None if rest_lengths is None else _arrays.each("rest_lengths", rest_lengths, springs, "springs", zero=True),
             _arrays.each("damping", damping, springs, "springs", zero=True),
-            [0.0] * 3 if gravity is None else vector("gravity", gravity, dimension),
+            [0.0] * 3 if gravity is None or path else vector("gravity", gravity, dimension),
             [entry._given(at, count, dimension) for at, entry in enumerate(entries)],
+        ).with_loads(
+            None if loads is None else _rows_for("loads", loads, places.shape),
+            _arrays.each("drag", drag, count, "particles", zero=True),
+            path,
+            _arrays.flags("tension_only", tension_only, springs, "springs"),
+            [actuated(at, entry) for at, entry in enumerate(actuation)],
         )
         given = _functions.forces(forces, 0, count, dimension)
         self._native, self._forces = self._native.with_functions(given, None), len(given)
@@ -405,8 +433,23 @@ class System:
 
     @cached_property
     def gravity(self) -> Floats:
-        """The acceleration of gravity, in m/s**2."""
+        """The acceleration of gravity at time zero, in m/s**2."""
         return np.array(self._native.gravity)
+
+    @property
+    def loads(self) -> Floats:
+        """Constant forces on the particles in N, shape (particles, dimension)."""
+        return self._native.loads
+
+    @property
+    def drag(self) -> Floats:
+        """c of the force ``-c v`` on every particle, in N s/m."""
+        return self._native.drag
+
+    @property
+    def tension_only(self) -> NDArray[np.bool_]:
+        """True for springs that exert no force while shorter than at rest."""
+        return self._native.tension_only
 
     @property
     def time_settings(self) -> tuple[float | None, float | None]:
