@@ -51,7 +51,7 @@ impl Matrix {
         let (system, halo) = (&part.system, &part.halo);
         let option = sprung::Stiffness::ALL.into_iter().find(|option| option.name() == self.method.stiffness);
         let option = option.unwrap_or(sprung::Stiffness::Full);
-        let extensions = or_end(SpringGeometry::at(system, &part.state.positions));
+        let extensions = or_end(SpringGeometry::at(system, &part.state));
         let operator = SystemOperator::new(system, &extensions, option, Combination::step(self.dt));
         let choice = self.method.choice();
         let mut solver = or_end(PetscSolver::new(&petsc, system, halo.clone(), choice, self.method.tolerance));
