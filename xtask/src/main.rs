@@ -7,6 +7,7 @@ mod deps;
 mod faults;
 mod guide;
 mod links;
+mod switches;
 mod theory;
 mod tools;
 #[cfg(test)]

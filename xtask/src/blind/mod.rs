@@ -1,31 +1,23 @@
 //! Random faults in every module, chosen without a look at its tests.
 //!
-//! All are compiled into one copy of the program, each behind a switch, and an environment variable turns one on (mutant schemata: R. H. Untch,
-//! A. J. Offutt, M. J. Harrold, Mutation analysis using mutant schemata, ISSTA 1993). So all faults together cost one build. Every test runs once without
-//! a fault and notes the switches that it passes; a fault then needs only the tests that reach it.
+//! Every test runs once without a fault and notes the switches that it passes; a fault then needs only the tests that reach it.
 
 mod sites;
 mod tests;
 
 use crate::cycles::{collect, module};
 use crate::faults::copy;
-use anyhow::{Context, Result, ensure};
+use crate::switches;
+use anyhow::{Context, Result};
 use clap::Args;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use serde_json::Value;
 use sites::{Change, Site};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 use std::time::Duration;
-
-/// The environment variable that switches a fault on.
-const SWITCH: &str = "SPRUNG_FAULT";
-/// The environment variable with the file that passed switches are noted in.
-const REACHED: &str = "SPRUNG_FAULTS_REACHED";
 
 /// At most so many faults of one function.
 const PER_FUNCTION: usize = 2;
@@ -77,25 +69,12 @@ struct Fault {
 pub fn run(root: &Path, choice: &Choice) -> Result<()> {
     let target = copy::target(root).join("faults-planted");
     let program = target.join("blind");
-    copy::program(root, &program)?;
     copy::dependencies(root, &target.join("build"))?;
-    let mut files = chosen(root, choice)?;
-    loop {
-        let places = plant(root, &program, &files)?;
-        let wrong = errors(&program, &target.join("build"), &places)?;
-        if wrong.is_empty() {
-            break;
-        }
-        println!("{} faults are no valid code and left out", wrong.len());
-        let mut number = 0;
-        for file in &mut files {
-            file.sites.retain(|_| {
-                number += 1;
-                !wrong.contains(&number)
-            });
-        }
-    }
-    let faults = faults(&files);
+    let files = chosen(root, choice)?;
+    let mut faults = faults(&files);
+    let wrong = switches::plant(root, &program, &target.join("build"), switched(files))?;
+    println!("{} of {} faults are no valid code and left out", wrong.len(), faults.len());
+    faults.retain(|fault| !wrong.contains(&fault.number));
     if choice.list {
         for fault in &faults {
             println!("{:>4} {}: {}", fault.number, fault.function, fault.change);
@@ -149,82 +128,25 @@ fn chosen(root: &Path, choice: &Choice) -> Result<Vec<File>> {
     Ok(files)
 }
 
-/// Writes the files with all faults behind their switches, and returns the place of each fault: number, file, bytes.
-fn plant(root: &Path, program: &Path, files: &[File]) -> Result<Vec<(usize, PathBuf, std::ops::Range<usize>)>> {
-    let mut places = Vec::new();
+/// The files with their faults behind switches.
+fn switched(files: Vec<File>) -> Vec<switches::File> {
     let mut number = 0;
-    for file in files {
-        let mut faulty = String::new();
-        let mut end = 0;
-        for site in &file.sites {
+    let mut sites = |file: &File| {
+        let sites = file.sites.iter().map(|site| {
             number += 1;
-            faulty += &file.text[end..site.bytes.start];
-            let right = &file.text[site.bytes.clone()];
-            let start = faulty.len();
-            faulty += &match &site.change {
-                Change::Expression(wrong) => format!("(if crate::planted({number}) {{ {wrong} }} else {{ {right} }})"),
-                Change::Removed => format!("if !crate::planted({number}) {{ {right} }}"),
+            let (is_on, right) = (switches::is_on(number), &file.text[site.bytes.clone()]);
+            let code = match &site.change {
+                Change::Expression(wrong) => format!("(if {is_on} {{ {wrong} }} else {{ {right} }})"),
+                Change::Removed => format!("if !{is_on} {{ {right} }}"),
             };
-            places.push((number, file.path.clone(), start..faulty.len()));
-            end = site.bytes.end;
-        }
-        faulty += &file.text[end..];
-        copy::write(&program.join(&file.path), faulty.as_bytes())?;
-    }
-    let crate_root = fs::read_to_string(root.join("src/lib.rs"))?;
-    let switch = include_str!("switch.rs").replace("COUNT", &(number + 1).to_string());
-    let switch = switch.replace("SWITCH", SWITCH).replace("REACHED", REACHED);
-    let switch = format!("#![allow(warnings)]\n{crate_root}\n{switch}");
-    copy::write(&program.join("src/lib.rs"), switch.as_bytes())?;
-    Ok(places)
+            switches::Site { bytes: site.bytes.clone(), code, faults: vec![number] }
+        });
+        sites.collect()
+    };
+    files.into_iter().map(|file| switches::File { sites: sites(&file), path: file.path, text: file.text }).collect()
 }
 
-/// Faults that do not compile.
-fn errors(
-    program: &Path,
-    target: &Path,
-    places: &[(usize, PathBuf, std::ops::Range<usize>)],
-) -> Result<BTreeSet<usize>> {
-    let check = Command::new("cargo")
-        .args(["check", "--profile", "faults", "--package", "sprung", "--all-features", "--message-format", "json"])
-        .arg("--target-dir")
-        .arg(target)
-        .current_dir(program)
-        .stderr(Stdio::null())
-        .output()?;
-    let mut wrong = BTreeSet::new();
-    let mut others = Vec::new();
-    let text = String::from_utf8(check.stdout)?;
-    for message in text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok()) {
-        let message = &message["message"];
-        if message["level"] != "error" {
-            continue;
-        }
-        let spans = message["spans"].as_array().map_or(&[][..], Vec::as_slice);
-        let overlaps = |place: &&(usize, PathBuf, std::ops::Range<usize>)| {
-            spans.iter().any(|span| {
-                let (start, end) = (span["byte_start"].as_u64().unwrap_or(0), span["byte_end"].as_u64().unwrap_or(0));
-                span["file_name"].as_str().is_some_and(|name| Path::new(name) == place.1)
-                    && (start as usize) < place.2.end
-                    && place.2.start < end as usize
-            })
-        };
-        let found: Vec<usize> = places.iter().filter(overlaps).map(|place| place.0).collect();
-        if found.is_empty() && !spans.is_empty() {
-            others.push(message["rendered"].to_string());
-        }
-        wrong.extend(found);
-    }
-    ensure!(
-        check.status.success() || !wrong.is_empty(),
-        "the program in {} does not compile: {}",
-        program.display(),
-        others.join("\n")
-    );
-    Ok(wrong)
-}
-
-/// The faults, numbered as in the copy.
+/// The faults, numbered as behind their switches.
 fn faults(files: &[File]) -> Vec<Fault> {
     let one_line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
     let sites = files.iter().flat_map(|file| file.sites.iter().map(move |site| (file, site)));

@@ -1,6 +1,7 @@
 //! The tests of the copy, and those that a fault needs.
 
-use super::{Fault, REACHED, SWITCH};
+use super::Fault;
+use crate::switches::{REACHED, SWITCH};
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 use std::collections::BTreeSet;

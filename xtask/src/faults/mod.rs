@@ -1,17 +1,18 @@
-//! Plants faults in a copy of the program, one at a time, and records the tests that detect each.
+//! Plants faults in a copy of the program and records the tests that detect each.
 //!
-//! Every fault of `verification/faults.toml` is planted in a copy in the target folder. The verification suite runs on it, or the tests of a module
-//! if the suite cannot detect the fault. `src/report/faults.json` (for reports) and `verification/faults.md` record the results.
+//! The faults of `verification/faults.toml` are planted in a copy in the target folder, in functions all together behind switches, in constants one at a
+//! time. With each the verification suite runs, or the tests of a module if the suite cannot detect the fault. `src/report/faults.json` (for reports) and `verification/faults.md` record the results.
 
 pub mod copy;
 mod page;
 mod place;
 
-use anyhow::{Context, Result, ensure};
+use crate::switches::{self, SWITCH};
+use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use place::Source;
+use place::{Place, Source};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -92,22 +93,35 @@ pub fn run(root: &Path, chosen: &Chosen) -> Result<()> {
     let faults = list(root)?;
     let target = copy::target(root).join("faults-planted");
     let copy = Copy { program: target.join("program"), target };
-    copy::program(root, &copy.program)?;
     copy::dependencies(root, &copy.target.join("build"))?;
-    let mut filters: Vec<_> = faults.iter().filter(|fault| chosen.has(&fault.name)).map(|fault| &fault.tests).collect();
-    filters.sort_unstable();
-    filters.dedup();
+    let source = Source::read(&root.join("src"))?;
+    let place = |fault: &Fault| source.find(&fault.function, &fault.find).with_context(|| fault.name.clone());
+    let places = faults.iter().map(place).collect::<Result<Vec<_>>>()?;
+    let planted: Vec<usize> = (0..faults.len()).filter(|&at| chosen.has(&faults[at].name)).collect();
+    let files = switched(root, &faults, &places, &planted)?;
+    let mut apart: BTreeSet<usize> = planted.iter().copied().filter(|&at| places[at].body.is_none()).collect();
+    let wrong = switches::plant(root, &copy.program, &copy.target.join("build"), files)?;
+    apart.extend(wrong.iter().map(|number| number - 1));
+    let filters: BTreeSet<_> = planted.iter().map(|&at| faults[at].tests.as_deref()).collect();
     for filter in filters {
-        if let Verdict::Failed(tests) = copy.verdict(filter.as_deref())? {
-            anyhow::bail!("the program fails without a fault: {}", tests.join(", "));
+        match copy.verdict(filter, 0)? {
+            Verdict::Passed => {}
+            Verdict::Failed(tests) => bail!("the program fails without a fault: {}", tests.join(", ")),
+            Verdict::Broke(how) => bail!("without a fault the suite {how}"),
         }
     }
     let mut caught: Vec<Caught> = serde_json::from_str(&fs::read_to_string(root.join(RECORD))?)?;
     caught.retain(|row| faults.iter().any(|fault| fault.name == row.fault));
-    let source = Source::read(&copy.program.join("src"))?;
-    for fault in faults.iter().filter(|fault| chosen.has(&fault.name)) {
+    let together = planted.iter().filter(|at| !apart.contains(at));
+    for &at in together.chain(&apart) {
+        let (fault, place) = (&faults[at], &places[at]);
         let started = Instant::now();
-        let row = copy.plant(fault, &source)?;
+        let verdict = if apart.contains(&at) {
+            copy.apart(root, fault, place)
+        } else {
+            copy.verdict(fault.tests.as_deref(), at + 1)
+        };
+        let row = caught_by(fault, verdict.with_context(|| fault.name.clone())?);
         println!("{:>4} s  {}: {}", started.elapsed().as_secs(), row.fault, page::families(&row, "nothing"));
         caught.retain(|before| before.fault != row.fault);
         caught.push(row);
@@ -118,6 +132,58 @@ pub fn run(root: &Path, chosen: &Chosen) -> Result<()> {
     ensure!(survived.is_empty(), "{} of {} faults survived: {}", survived.len(), caught.len(), survived.join(", "));
     println!("{} faults, all caught", caught.len());
     Ok(())
+}
+
+/// Files with the chosen faults behind switches: a function has its right body and one for each of its faults. The number of a fault is its place in the
+/// list, from 1.
+fn switched(root: &Path, faults: &[Fault], places: &[Place], planted: &[usize]) -> Result<Vec<switches::File>> {
+    let mut files = BTreeMap::<&Path, BTreeMap<(usize, usize), Vec<usize>>>::new();
+    for &at in planted {
+        if let Some(body) = &places[at].body {
+            let bodies = files.entry(&places[at].file).or_default();
+            bodies.entry((body.start, body.end)).or_default().push(at);
+        }
+    }
+    let mut switched = Vec::new();
+    for (path, bodies) in files {
+        let text = fs::read_to_string(path)?;
+        let sites = bodies.into_iter().map(|((start, end), planted)| {
+            let mut code = String::from("{ ");
+            for &at in &planted {
+                let place = &places[at].bytes;
+                let faulty = [&text[start..place.start], &faults[at].replace, &text[place.end..end]].concat();
+                code += &format!("if {} {faulty} else ", switches::is_on(at + 1));
+            }
+            code += &format!("{} }}", &text[start..end]);
+            switches::Site { bytes: start..end, code, faults: planted.iter().map(|at| at + 1).collect() }
+        });
+        let sites = sites.collect();
+        switched.push(switches::File { path: path.strip_prefix(root)?.to_owned(), text, sites });
+    }
+    Ok(switched)
+}
+
+/// The row of a fault.
+fn caught_by(fault: &Fault, verdict: Verdict) -> Caught {
+    let tests = match verdict {
+        Verdict::Failed(tests) => tests,
+        Verdict::Passed => Vec::new(),
+        Verdict::Broke(how) => vec![format!("the suite {how}")],
+    };
+    let mut families = BTreeMap::<&str, usize>::new();
+    for test in &tests {
+        let family = match test.rsplit_once("::") {
+            Some((family, _)) if fault.tests.is_none() => family,
+            // Unit tests have names of their own.
+            _ => test.as_str(),
+        };
+        *families.entry(family).or_default() += 1;
+    }
+    let mut by: Vec<(String, usize)> = families.iter().map(|(&family, &count)| (family.to_owned(), count)).collect();
+    by.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    by.truncate(NAMED);
+    let (fault, function) = (fault.name.clone(), fault.function.clone());
+    Caught { fault, function, tests: tests.len(), families: families.len(), by }
 }
 
 /// Writes the rows of all faults, after every one: a run that is interrupted loses nothing.
@@ -134,39 +200,17 @@ fn list(root: &Path) -> Result<Vec<Fault>> {
 }
 
 impl Copy {
-    /// Puts a fault into the copy, runs the tests, and takes the fault out again.
-    fn plant(&self, fault: &Fault, source: &Source) -> Result<Caught> {
-        let place = source.find(&fault.function, &fault.find).with_context(|| fault.name.clone())?;
-        let text = fs::read_to_string(&place.file)?;
-        let mut faulty = text.clone();
-        faulty.replace_range(place.bytes, &fault.replace);
-        fs::write(&place.file, faulty)?;
-        let verdict = self.verdict(fault.tests.as_deref());
-        fs::write(&place.file, text)?;
-        let tests = match verdict.with_context(|| fault.name.clone())? {
-            Verdict::Failed(tests) => tests,
-            Verdict::Passed => Vec::new(),
-            Verdict::Broke(how) => vec![format!("the suite {how}")],
-        };
-        let mut families = BTreeMap::<&str, usize>::new();
-        for test in &tests {
-            let family = match test.rsplit_once("::") {
-                Some((family, _)) if fault.tests.is_none() => family,
-                // Unit tests have names of their own.
-                _ => test.as_str(),
-            };
-            *families.entry(family).or_default() += 1;
-        }
-        let mut by: Vec<(String, usize)> =
-            families.iter().map(|(&family, &count)| (family.to_owned(), count)).collect();
-        by.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-        by.truncate(NAMED);
-        let (fault, function) = (fault.name.clone(), fault.function.clone());
-        Ok(Caught { fault, function, tests: tests.len(), families: families.len(), by })
+    /// Builds the copy with this fault alone, which no switch can hold, and runs the tests.
+    fn apart(&self, root: &Path, fault: &Fault, place: &Place) -> Result<Verdict> {
+        copy::program(root, &self.program)?;
+        let mut text = fs::read_to_string(&place.file)?;
+        text.replace_range(place.bytes.clone(), &fault.replace);
+        copy::write(&self.program.join(place.file.strip_prefix(root)?), text.as_bytes())?;
+        self.verdict(fault.tests.as_deref(), 0)
     }
 
-    /// Builds the suite, or unit tests and tests of the library, and runs them.
-    fn verdict(&self, filter: Option<&str>) -> Result<Verdict> {
+    /// Builds the suite, or unit tests and tests of the library, and runs them with a fault switched on.
+    fn verdict(&self, filter: Option<&str>, switch: usize) -> Result<Verdict> {
         let chosen: &[&str] = match filter {
             None => &["--package", "sprung-verification", "--test", "verification"],
             Some(_) => &["--package", "sprung", "--lib", "--test", "library"],
@@ -189,6 +233,7 @@ impl Copy {
             command
                 .args(["--color", "never"])
                 .args(filter.map(|filter| format!("{filter}::")))
+                .env(SWITCH, switch.to_string())
                 .current_dir(&self.program);
             match outcome(&mut command, &self.target.join("output.txt"))? {
                 Verdict::Passed => {}

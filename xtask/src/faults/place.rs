@@ -2,12 +2,13 @@
 
 use crate::cycles::{collect as files_below, module};
 use anyhow::{Context, Result, ensure};
+use proc_macro2::Span;
 use std::collections::BTreeMap;
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use syn::spanned::Spanned;
-use syn::{ImplItem, Item, TraitItem, Type};
+use syn::{Block, ImplItem, Item, Signature, TraitItem, Type};
 
 /// Functions and constants of the source, without tests, by name.
 pub struct Source {
@@ -20,6 +21,8 @@ struct Named {
     path: String,
     file: PathBuf,
     bytes: Range<usize>,
+    /// The body of a function, in braces, unless it may be evaluated by the compiler.
+    body: Option<Range<usize>>,
 }
 
 /// A range of bytes in a file.
@@ -27,6 +30,8 @@ struct Named {
 pub struct Place {
     pub file: PathBuf,
     pub bytes: Range<usize>,
+    /// The body of the function that it is in.
+    pub body: Option<Range<usize>>,
 }
 
 impl Source {
@@ -44,8 +49,8 @@ impl Source {
 
     fn add(&mut self, file: &Path, module: Vec<String>, text: String) -> Result<()> {
         let parsed = syn::parse_file(&text).with_context(|| file.display().to_string())?;
-        collect(&parsed.items, &mut module.clone(), &mut |path, bytes| {
-            self.items.push(Named { path, file: file.to_owned(), bytes });
+        collect(&parsed.items, &mut module.clone(), &mut |path, bytes, body| {
+            self.items.push(Named { path, file: file.to_owned(), bytes, body });
         });
         self.texts.insert(file.to_owned(), text);
         Ok(())
@@ -69,6 +74,7 @@ impl Source {
             places.extend(found.into_iter().map(|found| Place {
                 file: item.file.clone(),
                 bytes: item.bytes.start + found.start..item.bytes.start + found.end,
+                body: item.body.clone(),
             }));
         }
         ensure!(places.len() == 1, "{} places like `{text}` in {}", places.len(), paths.join(", "));
@@ -76,21 +82,27 @@ impl Source {
     }
 }
 
-/// Reports functions and constants with their paths, without tests.
-fn collect(items: &[Item], path: &mut Vec<String>, found: &mut impl FnMut(String, Range<usize>)) {
-    let mut hand_on =
-        |path: &[String], name: &syn::Ident, bytes| found([path, &[name.to_string()]].concat().join("::"), bytes);
+/// Reports functions and constants with their paths and bodies, without tests.
+fn collect(items: &[Item], path: &mut Vec<String>, found: &mut impl FnMut(String, Range<usize>, Option<Range<usize>>)) {
+    let mut hand_on = |path: &[String], name: &syn::Ident, item: Span, body: Option<Span>| {
+        found([path, &[name.to_string()]].concat().join("::"), item.byte_range(), body.map(|body| body.byte_range()));
+    };
+    let body = |signature: &Signature, block: &Block| signature.constness.is_none().then(|| block.span());
     for item in items {
         match item {
-            Item::Fn(function) => hand_on(path, &function.sig.ident, function.span().byte_range()),
-            Item::Const(constant) => hand_on(path, &constant.ident, constant.span().byte_range()),
-            Item::Static(constant) => hand_on(path, &constant.ident, constant.span().byte_range()),
+            Item::Fn(function) => {
+                hand_on(path, &function.sig.ident, function.span(), body(&function.sig, &function.block));
+            }
+            Item::Const(constant) => hand_on(path, &constant.ident, constant.span(), None),
+            Item::Static(constant) => hand_on(path, &constant.ident, constant.span(), None),
             Item::Impl(block) => {
                 path.push(type_name(&block.self_ty));
                 for item in &block.items {
                     match item {
-                        ImplItem::Fn(function) => hand_on(path, &function.sig.ident, function.span().byte_range()),
-                        ImplItem::Const(constant) => hand_on(path, &constant.ident, constant.span().byte_range()),
+                        ImplItem::Fn(function) => {
+                            hand_on(path, &function.sig.ident, function.span(), body(&function.sig, &function.block));
+                        }
+                        ImplItem::Const(constant) => hand_on(path, &constant.ident, constant.span(), None),
                         _ => {}
                     }
                 }
@@ -100,7 +112,8 @@ fn collect(items: &[Item], path: &mut Vec<String>, found: &mut impl FnMut(String
                 path.push(definition.ident.to_string());
                 for item in &definition.items {
                     if let TraitItem::Fn(function) = item {
-                        hand_on(path, &function.sig.ident, function.span().byte_range());
+                        let body = function.default.as_ref().and_then(|block| body(&function.sig, block));
+                        hand_on(path, &function.sig.ident, function.span(), body);
                     }
                 }
                 path.pop();
@@ -172,7 +185,7 @@ mod tests {
     }
 
     fn found(name: &str, text: &str) -> String {
-        let Place { file, bytes } = source().find(name, text).unwrap();
+        let Place { file, bytes, .. } = source().find(name, text).unwrap();
         assert_eq!(file, Path::new("a/b.rs"));
         TEXT[bytes].to_owned()
     }
