@@ -156,12 +156,12 @@ impl SlopeBounds {
         let moves: Vec<_> = particles.clone().map(|particle| system.dofs().get(w, particle)).collect();
         let (mut curvature, mut springs, mut scale, mut middle) = (0.0, 0.0, 0.0, 0.0);
         for link in &error.links {
-            let (l, l0, k) = (link.length, link.rest_length, link.stiffness);
+            let (l, a, c) = (link.length, link.axial, link.curved);
             let delta = link.difference(&moves).norm();
-            let strain = link.strain().abs() + 0.125 * delta / l0;
-            curvature += SECOND * k * delta.powi(3) / (6.0 * (l - 0.125 * delta).powi(2));
-            springs += U * k * l0 * strain * (4.0 * (l + delta) / l0 + 6.0 * strain);
-            scale += k * delta * (l / l0).max(1.0);
+            let elongation = link.elongation().abs() + 0.125 * delta;
+            curvature += SECOND * c * delta.powi(3) / (6.0 * (l - 0.125 * delta).powi(2));
+            springs += U * a * elongation * (4.0 * (l + delta) + 6.0 * elongation);
+            scale += delta * (a * l).max(c);
             let [xi, xj] = link.ends.map(|end| state.positions[end].norm());
             middle += 2.0 * U * (xi + xj) * delta * (link.block_rounding() / (12.0 * U));
         }

@@ -15,17 +15,17 @@ use crate::force::{SpringGeometry, add_damping_differential};
 use nalgebra::{Matrix3, Vector3};
 use num_dual::{Dual64, DualNum, HyperDual64};
 
-/// `f = −k (l/l0 − 1) d/l` on the first end.
+/// `f = −k (l/l0 − 1) d/l` on the first end, or `f = −k d` without a rest length.
 fn force<D: DualNum<Primitive = f64> + Copy>(link: &Link, d: [D; 3]) -> [D; 3] {
     let [x, y, z] = d;
     let l = (x * x + y * y + z * z).sqrt();
-    d.map(|component| -(l / link.rest_length - 1.0) * link.stiffness * component / l)
+    d.map(|component| -(l - link.rest_length) * link.axial * component / l)
 }
 
-/// `U = ½ k (l − l0)²/l0`.
+/// `U = ½ k (l − l0)²/l0`, or `U = ½ k l²` without a rest length.
 fn energy<D: DualNum<Primitive = f64> + Copy>(link: &Link, [x, y, z]: [D; 3]) -> D {
     let stretch = (x * x + y * y + z * z).sqrt() - link.rest_length;
-    stretch * stretch * (0.5 * link.stiffness / link.rest_length)
+    stretch * stretch * (0.5 * link.axial)
 }
 
 /// `f_d = −b (d·v) d/(d·d)` on the first end.

@@ -1,6 +1,7 @@
 //! Error bounds of central differences of the elastic force.
 //!
-//! A spring's force is `f = −(k/l0) d + k n(d)`, `n = d/‖d‖`: only n is curved. Along a displacement δ of d, with θ the
+//! A spring's force is `f = −(k/l0) d + k n(d)`, `n = d/‖d‖`: only n is curved; without a rest length it is `f = −k d`, and all that n contributes is
+//! absent. Along a displacement δ of d, with θ the
 //! angle between δ and n, its second and third derivatives have the norms
 //!
 //! ```text
@@ -34,29 +35,33 @@ pub(super) const SECOND: f64 = 1.154_700_538_379_251_6;
 impl Link {
     /// Rounding of the force, in N.
     pub fn force_rounding(&self) -> f64 {
-        15.0 * U * self.stiffness * (self.length / self.rest_length).max(1.0)
+        15.0 * U * (self.axial * self.length).max(self.curved)
     }
 
     /// Rounding of an entry of the block by any stable formula, in N/m: k/l0 and k/l are rounded 12 times.
     pub fn block_rounding(&self) -> f64 {
-        12.0 * U * self.stiffness * (1.0 / self.rest_length + 1.0 / self.length)
+        12.0 * U * self.magnitude()
     }
 
     /// Truncation of the central difference over ±h along a displacement of norm `delta`, in N/m.
     pub fn truncation(&self, h: f64, delta: f64) -> f64 {
         let shortest = self.length - h * delta;
-        if shortest > 0.0 { 0.5 * self.stiffness * h * h * (delta / shortest).powi(3) } else { f64::INFINITY }
+        if self.curved == 0.0 {
+            return 0.0;
+        }
+        if shortest > 0.0 { 0.5 * self.curved * h * h * (delta / shortest).powi(3) } else { f64::INFINITY }
     }
 
     /// Factor of h² in the truncation along a unit displacement, for small h.
     pub fn curvature(&self) -> f64 {
-        0.5 * self.stiffness / self.length.powi(3)
+        0.5 * self.curved / self.length.powi(3)
     }
 
     /// All errors of a central difference but the rounding of forces: truncation, the offset of the middle, the rounding of the block itself.
     pub fn difference_error(&self, step: Step) -> f64 {
         let h = 0.5 * step.width();
-        let moved = SECOND * self.stiffness * step.offset / (self.length - h).powi(2);
+        let moved =
+            if self.curved == 0.0 { 0.0 } else { SECOND * self.curved * step.offset / (self.length - h).powi(2) };
         self.truncation(h, 1.0) + moved + self.block_rounding()
     }
 }
@@ -76,7 +81,7 @@ impl Step {
     pub fn best(x: f64, rounding: f64, curvature: f64, length: f64) -> Self {
         let best = (rounding / (2.0 * curvature)).cbrt();
         // Without a spring the force is zero and any step will do.
-        let h = if best.is_finite() { best.min(length / 8.0) } else { 1.0 };
+        let h = Some(best.min(length / 8.0)).filter(|h| h.is_finite()).unwrap_or(1.0);
         let h = h.max(32.0 * U * x.abs());
         let (forward, backward) = (x + h, x - h);
         Self { forward, backward, offset: 0.5 * ((forward - x) - (x - backward)).abs() }

@@ -25,7 +25,7 @@ use super::convergence::{ErrorCurve, order_checks};
 use super::force_error::U;
 use super::free_coordinates::random_vector;
 use super::limits::AFFORDABLE;
-use super::reference;
+use super::reference::{self, Link};
 use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
 use crate::gradient::{Cotangent, DifferentiableRun, Parameters, Point, of_free};
@@ -83,7 +83,8 @@ impl<'c> Subject<'c> {
         };
         let mut lengths = vec![f64::INFINITY; system.particles()];
         for link in reference::links(system, &state.positions) {
-            link.ends.iter().for_each(|&p| lengths[p] = lengths[p].min(link.length).min(link.rest_length));
+            let length = if link.rest_length > 0.0 { link.length.min(link.rest_length) } else { link.length };
+            link.ends.iter().for_each(|&p| lengths[p] = lengths[p].min(length));
         }
         lengths.iter_mut().filter(|length| length.is_infinite()).for_each(|length| *length = case.extent());
         let shortest = lengths.iter().copied().fold(f64::INFINITY, f64::min);
@@ -300,6 +301,7 @@ fn force_adjoint(case: &TestCase) -> Result<Check, Unfinished> {
     let (mut expected, mut value) = ([zeros(), zeros()], 0.0);
     for (s, [i, j], spring) in system.active() {
         let [d, w, u] = [&state.positions, &velocities, &adjoint].map(|vectors| vectors[i] - vectors[j]);
+        let has_rest_length = spring.rest_length > 0.0;
         let derivative = |seed: usize| {
             let mut inputs =
                 [spring.stiffness, spring.rest_length, spring.damping, d.x, d.y, d.z, w.x, w.y, w.z].map(Dual64::from);
@@ -307,16 +309,20 @@ fn force_adjoint(case: &TestCase) -> Result<Check, Unfinished> {
             let [k, rest, b, dx, dy, dz, wx, wy, wz] = inputs;
             let l = (dx * dx + dy * dy + dz * dz).sqrt();
             let rate = (dx * wx + dy * wy + dz * wz) / l;
-            ((-(l / rest - 1.0) * k - rate * b) * (dx * u.x + dy * u.y + dz * u.z) / l).eps
+            let strain = if has_rest_length { l / rest - 1.0 } else { l };
+            ((-strain * k - rate * b) * (dx * u.x + dy * u.y + dz * u.z) / l).eps
         };
         let (k, l, rest, b) = (spring.stiffness, d.norm(), spring.rest_length, spring.damping);
-        let units = [(l / rest).max(1.0), k * l / (rest * rest), w.norm()].map(|size| 30.0 * U * size * u.norm());
+        let link = Link::new(s, [i, j], *spring, d, l);
+        let of_stiffness = if has_rest_length { (l / rest).max(1.0) } else { l };
+        let of_length = if has_rest_length { k * l / (rest * rest) } else { 0.0 };
+        let units = [of_stiffness, of_length, w.norm()].map(|size| 30.0 * U * size * u.norm());
         let of_spring = [found.stiffness[s], found.rest_lengths[s], found.damping[s]];
         for (seed, (found, unit)) in of_spring.into_iter().zip(units).enumerate() {
             value = worst([value, ratio((found - derivative(seed)).abs(), unit)]);
         }
-        let units = [24.0 * U * k * (1.0 / rest + 1.0 / l) + 80.0 * U * b * w.norm() / l, 30.0 * U * b]
-            .map(|size| size * u.norm());
+        let units =
+            [24.0 * U * link.magnitude() + 80.0 * U * b * w.norm() / l, 30.0 * U * b].map(|size| size * u.norm());
         for (part, (sums, unit)) in expected.iter_mut().zip(units).enumerate() {
             let change = Vector3::from_fn(|axis, _| derivative(3 + 3 * part + axis));
             for (end, sign) in [(i, 1.0), (j, -1.0)] {

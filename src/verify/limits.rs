@@ -42,12 +42,13 @@ pub(super) fn of_springs(case: &TestCase) -> Option<String> {
     if system.has_other_laws() || system.external_forces().next().is_some() {
         return Some("a spring law or a force of the caller's own acts, and no check knows it".into());
     }
-    if let Some(spring) = system.springs().iter().position(|spring| spring.rest_length == 0.0) {
-        return Some(format!("spring {spring} has no rest length, and no check judges a scene with such springs"));
-    }
     let links = reference::links(system, &state.positions);
+    if let Some(spring) = links.iter().position(|link| link.length == 0.0) {
+        return Some(format!("the ends of spring {spring} are at one place, so that it has no direction"));
+    }
     let distance = |link: &Link| link.ends.iter().map(|&p| state.positions[p].norm()).fold(0.0, f64::max);
-    let length = |link: &Link| link.length.min(link.rest_length);
+    let rest_length = |link: &Link| Some(link.rest_length).filter(|&length| length > 0.0);
+    let length = |link: &Link| rest_length(link).map_or(link.length, |rest| rest.min(link.length));
     let lost = |link: &Link| 2.0 * U * distance(link) / length(link);
     let worst = links.iter().enumerate().max_by(|(_, a), (_, b)| lost(a).total_cmp(&lost(b)));
     if let Some((spring, link)) = worst.filter(|(_, link)| lost(link) > COORDINATES) {
@@ -58,7 +59,7 @@ pub(super) fn of_springs(case: &TestCase) -> Option<String> {
             lost(link)
         ));
     }
-    let lengths = || links.iter().flat_map(|link| [link.length, link.rest_length]);
+    let lengths = || links.iter().flat_map(|link| [Some(link.length), rest_length(link)]).flatten();
     let stiffnesses = || links.iter().map(Link::magnitude);
     let dampings = || links.iter().map(|link| link.damping).filter(|&damping| damping > 0.0);
     too_far_apart("lengths of springs", "m", lengths, LENGTHS)
@@ -235,9 +236,13 @@ mod tests {
             let found = of_steps(&case).unwrap_or_default();
             assert!(found.contains("when squared"), "{mass:e}: {found}");
         }
-        // Without a rest length a spring has no strain.
-        let shrinking = of_springs(&chain(|scene| scene.springs[1].rest_length = 0.0));
-        assert!(shrinking.unwrap().starts_with("spring 1 has no rest length"));
+        // A spring needs no rest length, but a direction.
+        assert_eq!(of_steps(&chain(|scene| scene.springs[1].rest_length = 0.0)), None);
+        let collapsed = of_springs(&chain(|scene| {
+            scene.springs[1].rest_length = 0.0;
+            scene.positions[2] = scene.positions[1];
+        }));
+        assert!(collapsed.unwrap().starts_with("the ends of spring 1 are at one place"));
         let long = TestCase { dt: 1e7, ..chain(|_| {}) };
         assert!(of_springs(&long).is_none() && of_steps(&long).unwrap().contains("largest row of A"));
     }

@@ -189,7 +189,7 @@ fn rigid_fields(case: &TestCase, option: Stiffness) -> Vec<RigidField> {
         RigidField {
             name: "dilation",
             field: arms.clone(),
-            stiffness: laplacian(|link| link.stiffness / link.rest_length),
+            stiffness: laplacian(|link| link.axial),
             damping: laplacian(|link| link.damping),
         },
     ];

@@ -9,6 +9,8 @@ use crate::system::{Axes, State, System};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// One spring at a configuration: its number, its ends, `d = x_i − x_j`, `n = d/l`, `l`, and the numbers k, l0, b.
+///
+/// Its force is `f = −a d + c n`, of which only the second part is curved: `a = k/l0` and `c = k`, or `a = k` and `c = 0` without a rest length.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Link {
     pub index: usize,
@@ -16,7 +18,10 @@ pub(super) struct Link {
     pub separation: Vector3<f64>,
     pub direction: Vector3<f64>,
     pub length: f64,
-    pub stiffness: f64,
+    /// a, in N/m.
+    pub axial: f64,
+    /// c, in N.
+    pub curved: f64,
     pub rest_length: f64,
     pub damping: f64,
 }
@@ -25,12 +30,13 @@ impl Link {
     /// A spring from its ends' separation and its length.
     pub fn new(index: usize, ends: [usize; 2], spring: Spring, separation: Vector3<f64>, length: f64) -> Self {
         let Spring { stiffness, rest_length, damping } = spring;
-        Self { index, ends, separation, direction: separation / length, length, stiffness, rest_length, damping }
+        let (axial, curved) = if rest_length > 0.0 { (stiffness / rest_length, stiffness) } else { (stiffness, 0.0) };
+        Self { index, ends, separation, direction: separation / length, length, axial, curved, rest_length, damping }
     }
 
-    /// `l/l0 − 1`.
-    pub fn strain(&self) -> f64 {
-        (self.length - self.rest_length) / self.rest_length
+    /// `l − l0`, in m.
+    pub fn elongation(&self) -> f64 {
+        self.length - self.rest_length
     }
 
     /// The vector of the first end less that of the second.
@@ -38,26 +44,27 @@ impl Link {
         vectors[self.ends[0]] - vectors[self.ends[1]]
     }
 
-    /// `−k (l/l0 − 1) n`, on the first end.
+    /// `−a (l − l0) n`, on the first end.
     pub fn elastic_force(&self) -> Vector3<f64> {
-        self.direction * (-self.stiffness * self.strain())
+        self.direction * (-self.axial * self.elongation())
     }
 
-    /// `k (1/l0 − 1/l)`, zero where the option drops it.
+    /// `a (1 − l0/l)`, zero where the option drops it: never without a rest length.
     pub fn transverse(&self, option: Stiffness) -> f64 {
-        let exact = self.stiffness * (self.length - self.rest_length) / (self.rest_length * self.length);
+        let exact = self.axial * self.elongation() / self.length;
         match option {
             Stiffness::Full => exact,
             Stiffness::Tension => exact.max(0.0),
+            Stiffness::Axial if self.rest_length == 0.0 => exact,
             Stiffness::Axial => 0.0,
             Stiffness::Absolute => exact.abs(),
         }
     }
 
-    /// `K^s = k (1/l0 − 1/l)(I − nnᵀ) + (k/l0) nnᵀ`.
+    /// `K^s = a (1 − l0/l)(I − nnᵀ) + a nnᵀ`.
     pub fn stiffness_block(&self, option: Stiffness) -> Matrix3<f64> {
         let along = self.direction * self.direction.transpose();
-        (Matrix3::identity() - along) * self.transverse(option) + along * (self.stiffness / self.rest_length)
+        (Matrix3::identity() - along) * self.transverse(option) + along * self.axial
     }
 
     /// `b nnᵀ`.
@@ -67,7 +74,7 @@ impl Link {
 
     /// The largest possible entry of K^s, or of a part of it before terms cancel.
     pub fn magnitude(&self) -> f64 {
-        self.stiffness / self.rest_length + self.stiffness / self.length
+        self.axial + self.curved / self.length
     }
 
     /// Whether the spring is so short that the rounding of its direction goes in large jumps.
@@ -129,9 +136,9 @@ pub(super) fn magnitude(links: &[Link], block: impl Fn(&Link) -> f64, w: &[Vecto
     sizes(links, w.len(), |link| block(link) * (w[link.ends[0]].norm() + w[link.ends[1]].norm()))
 }
 
-/// `Σ k (l + l0)/l0` particle by particle: the magnitudes in f_el before strains cancel, in N.
+/// `Σ a (l + l0)` particle by particle: the magnitudes in f_el before they cancel, in N.
 pub(super) fn pull(links: &[Link], particles: usize) -> Vec<f64> {
-    sizes(links, particles, |link| link.stiffness * (link.length + link.rest_length) / link.rest_length)
+    sizes(links, particles, |link| link.axial * (link.length + link.rest_length))
 }
 
 /// `A = M/dt² − G/dt − K` over the free degrees of freedom as a dense matrix.

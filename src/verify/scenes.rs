@@ -6,16 +6,17 @@ use crate::spring::Spring;
 use crate::system::{Axes, Constraint, Motion, SystemBuilder};
 use nalgebra::Vector3;
 
-/// Between them: compression, tension and prestress; held, led and partly held particles; one, two and three axes; free
+/// Between them: compression, tension and prestress; springs without a rest length; held, led and partly held particles; one, two and three axes; free
 /// and disconnected parts; equilibria; stiff and ill-conditioned systems.
 #[cfg(feature = "scene")]
-const SCENES: [&str; 14] = [
+const SCENES: [&str; 15] = [
     include_str!("scenes/buckled_column.toml"),
     include_str!("scenes/compressed_chain.toml"),
     include_str!("scenes/disconnected.toml"),
     include_str!("scenes/hanging_chain.toml"),
     include_str!("scenes/ill_conditioned.toml"),
     include_str!("scenes/moving_anchor.toml"),
+    include_str!("scenes/no_rest_length.toml"),
     include_str!("scenes/one_dimensional.toml"),
     include_str!("scenes/packed_strip.toml"),
     include_str!("scenes/parallel_springs.toml"),

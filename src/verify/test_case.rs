@@ -55,7 +55,11 @@ impl TestCase {
         let mut rates = vec![(0.0, 0.0); self.system.particles()];
         for (_, [i, j], spring) in self.system.active() {
             let length = (self.state.positions[i] - self.state.positions[j]).norm();
-            let stiffness = spring.stiffness / spring.rest_length.min(length);
+            let stiffness = if spring.rest_length > 0.0 {
+                spring.stiffness / spring.rest_length.min(length)
+            } else {
+                spring.stiffness
+            };
             for p in [i, j] {
                 rates[p].0 += 2.0 * stiffness / self.system.masses()[p];
                 rates[p].1 += 2.0 * spring.damping / self.system.masses()[p];
@@ -98,7 +102,7 @@ impl TestCase {
         })
     }
 
-    /// With every spring stretched: rest lengths at most 0.8 of the lengths.
+    /// With every spring stretched: rest lengths at most 0.8 of the lengths, none where there is none.
     ///
     /// # Errors
     /// None for a valid system.
@@ -159,7 +163,12 @@ impl TestCase {
 fn with_lengths(twin: &mut SystemBuilder, rest_length: impl Fn(&Spring, f64) -> f64) {
     for (spring, &[i, j]) in twin.springs.iter_mut().zip(&twin.pairs) {
         if let Some(at) = Extension::between(&twin.positions[i as usize], &twin.positions[j as usize]) {
-            spring.rest_length = rest_length(spring, at.length);
+            let rest_length = rest_length(spring, at.length);
+            // A spring that is given a rest length keeps its stiffness along itself.
+            if spring.rest_length == 0.0 && rest_length > 0.0 {
+                spring.stiffness *= rest_length;
+            }
+            spring.rest_length = rest_length;
         }
     }
 }

@@ -180,16 +180,12 @@ impl<'a> Direction<'a> {
         let resolved_from = resolved.fold(0.0, f64::max);
         let mut direction =
             Self { error, w, moves, scale: Vec::new(), leading: 0.0, rounding: 0.0, offset: 0.0, resolved_from };
-        direction.scale = direction.sum(|link, delta| {
-            let axial = 1.0 / link.rest_length;
-            let transverse = 1.0 / link.rest_length - 1.0 / link.length;
-            link.stiffness * axial.max(transverse.abs()) * delta
-        });
+        direction.scale = direction.sum(|link, delta| link.axial.max(link.transverse(Stiffness::Full).abs()) * delta);
         direction.leading = direction.leading_truncation();
         direction.rounding = direction.largest(&error.rounding);
         direction.offset = direction.largest(&direction.sum(|link, delta| {
             let [xi, xj] = link.ends.map(|end| positions[end].norm());
-            SECOND * link.stiffness * 2.0 * U * (xi + xj) * delta / link.length.powi(2)
+            SECOND * link.curved * 2.0 * U * (xi + xj) * delta / link.length.powi(2)
         }));
         direction
     }
@@ -218,7 +214,7 @@ impl<'a> Direction<'a> {
             let c = n.dot(&e);
             let across = e - n * c;
             let sigma2 = across.norm_squared();
-            let f = (across * (6.0 * c * c - 3.0 * sigma2) + n * (6.0 * c * sigma2)) * (link.stiffness / 6.0);
+            let f = (across * (6.0 * c * c - 3.0 * sigma2) + n * (6.0 * c * sigma2)) * (link.curved / 6.0);
             dofs.add(&mut third, i, &f);
             dofs.add(&mut third, j, &-f);
         }
@@ -304,10 +300,10 @@ pub fn v_curve(case: &TestCase, stiffness: &impl LinearOperator) -> Result<Vec<C
 /// The term that an option drops from `K^s`: `P K^s P` with `P = I − nnᵀ` and K^s by dual numbers, twice that where its sign is changed, or nothing.
 fn dropped_block(option: Stiffness, link: &Link) -> Matrix3<f64> {
     let part = match option {
-        Stiffness::Axial => 1.0,
-        Stiffness::Tension if link.strain() < 0.0 => 1.0,
-        Stiffness::Absolute if link.strain() < 0.0 => 2.0,
-        Stiffness::Full | Stiffness::Tension | Stiffness::Absolute => return Matrix3::zeros(),
+        Stiffness::Axial if link.rest_length > 0.0 => 1.0,
+        Stiffness::Tension if link.elongation() < 0.0 => 1.0,
+        Stiffness::Absolute if link.elongation() < 0.0 => 2.0,
+        _ => return Matrix3::zeros(),
     };
     let n = link.direction;
     let across = Matrix3::identity() - n * n.transpose();

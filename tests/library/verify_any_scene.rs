@@ -62,7 +62,7 @@ fn ordinary(numbers: &mut Numbers) -> (SystemBuilder, f64) {
         let length = (builder.positions[i] - builder.positions[j]).norm();
         let spring = Spring {
             stiffness: numbers.power(0.0, 3.0),
-            rest_length: length * numbers.between(0.6, 1.5),
+            rest_length: if numbers.happens(0.1) { 0.0 } else { length * numbers.between(0.6, 1.5) },
             damping: if damping { numbers.power(-2.0, 0.0) } else { 0.0 },
         };
         builder.spring(i, j, spring);
