@@ -10,7 +10,7 @@ use nalgebra_sparse::CscMatrix;
 /// A test case of what was built.
 pub fn case(builder: SystemBuilder, dt: f64) -> TestCase {
     let (system, state) = builder.build().unwrap();
-    TestCase { name: "case".into(), system, state, dt }
+    TestCase { name: "case".into(), system, state, dt, loaded: None }
 }
 
 pub fn assert_close(value: f64, expected: f64) {

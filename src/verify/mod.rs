@@ -22,6 +22,7 @@ mod free_coordinates;
 mod gradients;
 mod jacobian;
 mod limits;
+mod loads;
 mod momentum;
 mod prescribed_motion;
 mod products;

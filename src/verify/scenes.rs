@@ -6,17 +6,17 @@ use crate::spring::Spring;
 use crate::system::{Axes, Constraint, Motion, SystemBuilder};
 use nalgebra::Vector3;
 
-/// Between them: compression, tension and prestress; springs without a rest length; held, led and partly held particles; one, two and three axes; free
+/// Between them: compression, tension and prestress; loads, slack springs and springs without a rest length; held, led and partly held particles; one, two and three axes; free
 /// and disconnected parts; equilibria; stiff and ill-conditioned systems.
 #[cfg(feature = "scene")]
 const SCENES: [&str; 15] = [
     include_str!("scenes/buckled_column.toml"),
+    include_str!("scenes/cables.toml"),
     include_str!("scenes/compressed_chain.toml"),
     include_str!("scenes/disconnected.toml"),
     include_str!("scenes/hanging_chain.toml"),
     include_str!("scenes/ill_conditioned.toml"),
     include_str!("scenes/moving_anchor.toml"),
-    include_str!("scenes/no_rest_length.toml"),
     include_str!("scenes/one_dimensional.toml"),
     include_str!("scenes/packed_strip.toml"),
     include_str!("scenes/parallel_springs.toml"),
@@ -100,7 +100,7 @@ impl Regime {
         builder.hold(0);
         builder.constrain(Constraint { particles: vec![2], axes: Axes::of(&[1]), motion: Motion::Held });
         let (system, state) = builder.build()?;
-        let case = TestCase { name: self.name.into(), system, state, dt: 0.0 };
+        let case = TestCase { name: self.name.into(), system, state, dt: 0.0, loaded: None };
         Ok(TestCase { dt: case.resolving_step(), ..case })
     }
 }

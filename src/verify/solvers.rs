@@ -33,7 +33,7 @@ const DENSE_LIMIT: usize = 400;
 /// conjugate gradients matrix-free and assembled, their agreement within what the condition allows, and on small scenes
 /// that with nalgebra-sparse's Cholesky and a dense one, and the condition estimate itself.
 pub(super) fn measure(case: &TestCase) -> Measured {
-    let TestCase { name, system, state, dt } = case;
+    let TestCase { name, system, state, dt, .. } = case;
     let geometry = SpringGeometry::at(system, &state.positions)?;
     let (option, matrix, b, mut factor) = definite(system, state, *dt)?;
     let operator = SystemOperator::new(system, &geometry, option, Combination::step(*dt));

@@ -4,8 +4,8 @@ use super::check::{Measured, Unfinished};
 use super::limits::{of_estimates, of_springs, of_steps};
 use super::{Check, Claim, Results, TestCase};
 use super::{
-    consistency, convergence, definiteness, energy_balance, error_estimates, gradients, momentum, prescribed_motion,
-    products, refusals, runs, solvers, step_equations, v_curve,
+    consistency, convergence, definiteness, energy_balance, error_estimates, gradients, loads, momentum,
+    prescribed_motion, products, refusals, runs, solvers, step_equations, v_curve,
 };
 
 type Condition = fn(&TestCase) -> bool;
@@ -55,6 +55,7 @@ pub const FAMILIES: &[Family] = &[
     family(Claim::Jacobian, "dropped_terms", has_active_springs, of_springs, v_curve::all_dropped_terms),
     family(Claim::Consistency, "derivatives", has_active_springs, of_springs, consistency::derivatives),
     family(Claim::Consistency, "work_energy", has_springs, of_springs, consistency::work_energy),
+    family(Claim::Consistency, "loads", loads::applies, of_springs, loads::measure),
     family(Claim::Consistency, "adjoints", has_equations, of_steps, gradients::adjoints),
     family(Claim::Assembly, "assembly", can_move, of_steps, products::assembly),
     family(Claim::Solvers, "solvers", can_move, of_steps, solvers::measure),

@@ -21,6 +21,8 @@ pub struct TestCase {
     pub state: State,
     /// The step, in s.
     pub dt: f64,
+    /// The system with its loads, drag, gravity in time, tension-only springs and changing rest lengths, if it has any. `system` is without them.
+    pub loaded: Option<System>,
 }
 
 /// Ratio of lengths and rest lengths in a stretched or squeezed twin: no option's transverse term is near zero.
@@ -28,13 +30,15 @@ const STRETCH: f64 = 1.25;
 
 impl TestCase {
     /// A system at a state; without a `dt` the step is the [`resolving_step`](Self::resolving_step). Loads, drag, changing
-    /// gravity, slack springs and changing rest lengths are left out: no check judges them.
+    /// gravity, slack springs and changing rest lengths have checks of their own; all others leave them out.
     ///
     /// # Errors
     /// None for a valid system.
     pub fn new(name: impl Into<String>, system: System, state: State, dt: Option<f64>) -> Result<Self> {
+        let is_loaded = !(system.behaviour().is_empty() && system.loads().is_empty());
+        let loaded = is_loaded.then(|| system.clone());
         let system = system.with_behaviour(Behaviour::default())?.with_loads(Loads::default())?;
-        let case = Self { name: name.into(), system, state, dt: 0.0 };
+        let case = Self { name: name.into(), system, state, dt: 0.0, loaded };
         let dt = dt.unwrap_or_else(|| case.resolving_step());
         Ok(Self { dt, ..case })
     }
@@ -156,7 +160,7 @@ impl TestCase {
         let mut description = self.description();
         change(&mut description);
         let (system, state) = description.build()?;
-        Ok(Self { name: format!("{}, {suffix}", self.name), system, state, dt: self.dt })
+        Ok(Self { name: format!("{}, {suffix}", self.name), system, state, dt: self.dt, loaded: None })
     }
 }
 
@@ -212,9 +216,9 @@ mod tests {
         assert_eq!((row.centre(), row.extent()), (Vector3::new(4.0, 0.0, 0.0), 4.0));
     }
 
-    /// Nothing is left of what no check judges, kinks in time included: they cut the steps of some methods.
+    /// Nothing is left of what most checks do not judge, kinks in time included: they cut the steps of some methods.
     #[test]
-    fn loads_and_behaviour_are_left_out() {
+    fn loads_and_behaviour_are_set_apart() {
         let plain = row([spring(8.0, 4.0, 0.125), spring(6.0, 3.0, 0.25)]);
         let curve = |values| Curve { times: vec![0.25, 0.5], values };
         let gravity = Some(Curve { times: vec![0.1, 0.2], values: vec![plain.system.gravity(), Vector3::x()] });
@@ -224,6 +228,7 @@ mod tests {
         let system = plain.system.clone().with_loads(loads).unwrap().with_behaviour(behaviour).unwrap();
         let case = TestCase::new("row", system, plain.state.clone(), None).unwrap();
         assert!(case.system.loads().is_empty() && case.system.behaviour().is_empty());
+        assert!(case.loaded.is_some_and(|system| !system.loads().is_empty()) && plain.loaded.is_none());
         assert!(case.system.prescribed().kinks().is_empty() && case.system.gravity() == plain.system.gravity());
         assert_eq!((case.name.as_str(), case.dt), ("row", plain.resolving_step()));
     }

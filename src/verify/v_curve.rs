@@ -34,7 +34,7 @@ const ONE_BY_ONE_LIMIT: usize = 120;
 
 /// K under the full stiffness along random directions, entry by entry, and spring by spring.
 pub(super) fn jacobian(case: &TestCase) -> Measured {
-    let TestCase { name, system, state, dt } = case;
+    let TestCase { name, system, state, dt, .. } = case;
     let k = StepMatrices::assemble(system, state, Stiffness::Full, *dt)?.k;
     let block =
         |spring: &Spring, at: &Extension| -> Matrix3<f64> { spring.stiffness_block(at, Stiffness::Full).matrix() };

@@ -73,7 +73,7 @@ fn scenes() -> Vec<(String, System, State, f64)> {
 fn every_solver_agrees_with_every_other_on_every_scene() {
     let mut failures = Vec::new();
     for (scene, system, state, dt) in scenes() {
-        let subject = TestCase { name: scene.clone(), system, state, dt };
+        let subject = TestCase { name: scene.clone(), system, state, dt, loaded: None };
         let checks = family("solvers").check(&subject);
         // A check that is not judged is the only one.
         assert!(checks.len() >= 8 || checks.iter().any(|check| !check.is_judged), "{scene}");

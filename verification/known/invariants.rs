@@ -162,7 +162,7 @@ fn between_walls(name: &str, length: f64, rest_length: f64) -> sprung::Result<(T
     builder.hold(particles[0]).hold(particles[2]);
     let (system, state) = builder.build()?;
     let rate = 2.0 * stiffness * (1.0 / rest_length - 1.0 / length) / mass;
-    Ok((TestCase { name: name.into(), system, state, dt: 0.01 }, rate))
+    Ok((TestCase { name: name.into(), system, state, dt: 0.01, loaded: None }, rate))
 }
 
 /// The amplification of the mode across the line.

@@ -1,0 +1,256 @@
+//! Loads, drag, gravity and rest lengths in time, and slack springs: forces and their derivatives against a second writing of the formulas.
+//!
+//! All other checks leave these out of a scene. With `l0(t) = l0 s(t)` the force on a particle is
+//!
+//! ```text
+//! f = Σ ∓(k (l/l0(t) − 1) + b n·w) n + m g(t) + p − c v
+//! ```
+//!
+//! over its springs, w the difference of the velocities of their ends, without those that are tension-only and shorter than l0(t). So
+//! `G = ∂f/∂v` has −c on its diagonal, and `∂f/∂t = Σ ±(k l/l0(t) · s'/s) n + m g'`.
+
+use super::check::{Check, Claim, Measured, ratio, worst};
+use super::force_error::U;
+use super::reference::{self, Link, field};
+use super::{TestCase, free_coordinates::reduce};
+use crate::force::{SpringGeometry, add_all_forces, add_force_rate};
+use crate::operator::{Combination, LinearOperator, SystemOperator};
+use crate::spring::{Spring, Stiffness};
+use crate::system::{Curve, State, System};
+use nalgebra::Vector3;
+use std::ops::{Add, Mul, Sub};
+
+/// Units of rounding of a sum: some ten for each term, and those of the interpolation in time.
+const UNITS: f64 = 30.0;
+
+/// At most so many of the times between kinks.
+const TIMES: usize = 8;
+
+pub(super) fn applies(case: &TestCase) -> bool {
+    case.loaded.is_some()
+}
+
+/// Forces, K, G and ∂f/∂t at the start and between the kinks.
+pub(super) fn measure(case: &TestCase) -> Measured {
+    let Some(system) = &case.loaded else { return Ok(Vec::new()) };
+    // Products are of free coordinates alone.
+    let w = reduce(system, &field(system));
+    let full = |w: &[f64]| (0..system.particles()).map(|p| system.dofs().get(w, p)).collect::<Vec<_>>();
+    let mut found = [0.0; 4];
+    for time in times(system, case.state.time) {
+        let state = State { time, velocities: full(&w), ..case.state.clone() };
+        let sums = Sums::new(system, &state);
+        let geometry = SpringGeometry::at(system, &state)?;
+        let mut force = vec![Vector3::zeros(); system.particles()];
+        add_all_forces(system, &geometry, &state.moment(), &mut force);
+        let mut rate = vec![Vector3::zeros(); system.particles()];
+        add_force_rate(system, &geometry, &state.moment(), &mut rate);
+        let product = |combination| {
+            let operator = SystemOperator::new(system, &geometry, Stiffness::Full, combination);
+            let mut y = vec![0.0; w.len()];
+            operator.apply(&w, &mut y);
+            full(&y)
+        };
+        let (stiffness, damping) = (product(Combination::STIFFNESS), product(Combination::DAMPING));
+        let sides =
+            [(&force, &sums.force), (&stiffness, &sums.stiffness), (&damping, &sums.damping), (&rate, &sums.rate)];
+        for (value, (computed, expected)) in found.iter_mut().zip(sides) {
+            *value = worst([*value, expected.error(system, computed)]);
+        }
+    }
+    let why = "in units of rounding, u times the sum of the magnitudes of all terms at a particle: ten for each spring and each load, and \
+               those of the interpolation in time; every other check leaves loads and changes in time out";
+    let names = [
+        "forces with all loads",
+        "K of slack springs and changing rest lengths",
+        "G of slack springs and drag",
+        "change of the forces in time",
+    ];
+    let check = |(name, value)| Check::new(Claim::Consistency, name, &case.name, value, UNITS, why);
+    Ok(names.into_iter().zip(found).map(check).collect())
+}
+
+/// The start, and times between and beyond the kinks.
+fn times(system: &System, start: f64) -> Vec<f64> {
+    let kinks: Vec<f64> = system.prescribed().kinks().iter().copied().filter(|&kink| kink > start).collect();
+    let stride = kinks.len().div_ceil(TIMES).max(1);
+    let ends = [start].into_iter().chain(kinks.iter().copied());
+    // Not the middle: a symmetric mistake would hide there.
+    let between = ends.zip(kinks.iter().copied()).map(|(from, to)| from + 0.37 * (to - from));
+    let beyond = kinks.last().map(|last| last + (last - start));
+    [start].into_iter().chain(between.step_by(stride)).chain(beyond).collect()
+}
+
+/// A sum over the springs and loads of every particle, with the sum of the magnitudes of its terms.
+struct Sum(Vec<(Vector3<f64>, f64)>);
+
+impl Sum {
+    fn zero(particles: usize) -> Self {
+        Self(vec![(Vector3::zeros(), 0.0); particles])
+    }
+
+    fn add(&mut self, particle: usize, term: Vector3<f64>, magnitude: f64) {
+        let (sum, size) = &mut self.0[particle];
+        *sum += term;
+        *size += magnitude;
+    }
+
+    /// The largest error along free axes, in units of rounding.
+    fn error(&self, system: &System, computed: &[Vector3<f64>]) -> f64 {
+        let of = |(p, (value, (sum, size))): (usize, (&Vector3<f64>, &(Vector3<f64>, f64)))| {
+            ratio(system.dofs().free_axes(p).project(&(value - sum)).amax(), U * size)
+        };
+        worst(computed.iter().zip(&self.0).enumerate().map(of))
+    }
+}
+
+/// The forces and their derivatives as the formulas above have them.
+struct Sums {
+    force: Sum,
+    /// `K v`.
+    stiffness: Sum,
+    /// `G v`.
+    damping: Sum,
+    rate: Sum,
+}
+
+impl Sums {
+    fn new(system: &System, state: &State) -> Self {
+        let [mut force, mut stiffness, mut damping, mut rate] = [(); 4].map(|()| Sum::zero(system.particles()));
+        for (link, slope) in taut(system, state) {
+            let w = link.difference(&state.velocities);
+            let pull = link.axial * (link.length + link.rest_length);
+            let ends = link.ends.map(|p| state.velocities[p].norm());
+            let brake = link.damping * (ends[0] + ends[1]);
+            let block = link.magnitude() * (ends[0] + ends[1]);
+            let lost = link.axial * link.length * slope;
+            for (p, sign) in [(link.ends[0], 1.0), (link.ends[1], -1.0)] {
+                let damper = -link.damping_block() * w * sign;
+                force.add(p, link.elastic_force() * sign + damper, pull + brake);
+                stiffness.add(p, -link.stiffness_block(Stiffness::Full) * w * sign, block);
+                damping.add(p, damper, brake);
+                rate.add(p, link.direction * lost * sign, lost.abs());
+            }
+        }
+        let loads = system.loads();
+        for p in 0..system.particles() {
+            let (mass, v) = (system.masses()[p], state.velocities[p]);
+            let (gravity, slope) =
+                loads.gravity.as_ref().map_or((system.gravity(), Vector3::zeros()), |curve| at(curve, state.time));
+            force.add(p, gravity * mass, 2.0 * mass * (gravity.norm() + system.gravity().norm()));
+            rate.add(p, slope * mass, mass * slope.norm());
+            if let Some(load) = loads.forces.get(p) {
+                force.add(p, *load, load.norm());
+            }
+            if let Some(&c) = loads.drag.get(p) {
+                force.add(p, -v * c, c * v.norm());
+                damping.add(p, -v * c, c * v.norm());
+            }
+        }
+        Self { force, stiffness, damping, rate }
+    }
+}
+
+/// The springs that pull, with their rest lengths at the state's time, and `s'/s` in 1/s.
+fn taut(system: &System, state: &State) -> Vec<(Link, f64)> {
+    let behaviour = system.behaviour();
+    let of = |link: Link| {
+        // Later entries override earlier ones.
+        let entry = behaviour.actuation.iter().rfind(|entry| entry.springs.contains(&link.index));
+        let (factor, slope) = entry.map_or((1.0, 0.0), |entry| at(&entry.factors, state.time));
+        let spring = system.springs()[link.index];
+        let spring = Spring { rest_length: spring.rest_length * factor, ..spring };
+        let link = Link::new(link.index, link.ends, spring, link.separation, link.length);
+        let is_slack = behaviour.tension_only.get(link.index) == Some(&true) && link.length < link.rest_length;
+        (!is_slack).then_some((link, slope / factor))
+    };
+    reference::links(system, &state.positions).into_iter().filter_map(of).collect()
+}
+
+/// Value and slope of a piecewise linear function just after a time.
+fn at<T>(curve: &Curve<T>, time: f64) -> (T, T)
+where
+    T: Copy + Add<Output = T> + Sub<Output = T> + Mul<f64, Output = T>,
+{
+    let last = curve.times.len() - 1;
+    let value = |n: usize| curve.values[n];
+    match curve.times.iter().rposition(|&from| from <= time) {
+        None => (value(0), value(0) * 0.0),
+        Some(n) if n == last => (value(last), value(last) * 0.0),
+        Some(n) => {
+            let slope = (value(n + 1) - value(n)) * (1.0 / (curve.times[n + 1] - curve.times[n]));
+            (value(n) + slope * (time - curve.times[n]), slope)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::system::{Actuation, Behaviour, Loads, SystemBuilder};
+
+    /// A plane chain of three springs: the second is slack at first and actuated, the third tension-only and stretched.
+    fn case(change: impl Fn(&mut Behaviour, &mut Loads)) -> TestCase {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        for (x, y) in [(0.0, 0.0), (1.0, 0.25), (2.0, 0.0), (3.5, 0.5)] {
+            builder.particle([x, y, 0.0], 1.0 + x);
+        }
+        for i in 0..3 {
+            builder.spring(i, i + 1, Spring { stiffness: 10.0, rest_length: 1.1, damping: 0.5 });
+        }
+        builder.hold(0);
+        let times = || vec![0.5, 1.0, 2.0];
+        let factors = Curve { times: times(), values: vec![1.0, 0.8, 1.25] };
+        let actuation = vec![Actuation { springs: vec![0, 1], factors }];
+        let mut behaviour = Behaviour { tension_only: vec![false, true, true], actuation };
+        let gravity = Some(Curve { times: times(), values: vec![-Vector3::y(), Vector3::x(), Vector3::zeros()] });
+        let mut loads =
+            Loads { forces: vec![Vector3::new(0.5, -2.0, 0.0); 4], drag: vec![0.0, 0.3, 0.0, 2.0], gravity };
+        change(&mut behaviour, &mut loads);
+        let (system, state) = builder.build().unwrap();
+        let system = system.with_behaviour(behaviour).unwrap().with_loads(loads).unwrap();
+        TestCase::new("chain", system, state, Some(0.01)).unwrap()
+    }
+
+    #[test]
+    fn a_correct_scene_is_right_to_rounding() {
+        let case = case(|_, _| {});
+        assert_eq!(times(case.loaded.as_ref().unwrap(), 0.0).len(), 5);
+        let checks = measure(&case).unwrap();
+        assert!(checks.len() == 4 && checks.iter().all(Check::passed), "{checks:?}");
+    }
+
+    /// A system that differs from the formulas in one respect: a check fails, and no other.
+    #[test]
+    fn every_wrong_term_has_its_check() {
+        type Change = fn(&mut Behaviour, &mut Loads);
+        let changes: [(Change, &[usize]); 5] = [
+            (|behaviour, _| behaviour.tension_only[1] = false, &[0, 1, 2, 3]),
+            (|behaviour, _| behaviour.actuation[0].factors.values[1] = 0.9, &[0, 1, 2, 3]),
+            (|_, loads| loads.drag[1] = 0.2, &[0, 2]),
+            (|_, loads| loads.forces[2].x = 0.6, &[0]),
+            (|_, loads| loads.gravity.as_mut().unwrap().values[1].y = 0.1, &[0, 3]),
+        ];
+        let right = case(|_, _| {});
+        for (number, (change, failing)) in changes.into_iter().enumerate() {
+            let wrong = case(change);
+            let mut found = [0.0; 4];
+            for time in times(right.loaded.as_ref().unwrap(), 0.0) {
+                let states = [&right, &wrong].map(|case| {
+                    let system = case.loaded.as_ref().unwrap();
+                    let state = State { time, velocities: field(system), ..case.state.clone() };
+                    Sums::new(system, &state)
+                });
+                let [a, b] = &states;
+                let pairs =
+                    [(&a.force, &b.force), (&a.stiffness, &b.stiffness), (&a.damping, &b.damping), (&a.rate, &b.rate)];
+                for (value, (a, b)) in found.iter_mut().zip(pairs) {
+                    let computed: Vec<_> = b.0.iter().map(|(sum, _)| *sum).collect();
+                    *value = worst([*value, a.error(&right.system, &computed)]);
+                }
+            }
+            let failed: Vec<usize> = (0..4).filter(|&check| found[check] > UNITS).collect();
+            assert_eq!(failed, failing, "change {number}: {found:?}");
+        }
+    }
+}
