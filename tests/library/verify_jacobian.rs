@@ -26,12 +26,12 @@ fn crooked() -> TestCase {
     for (p, v) in state.velocities.iter_mut().enumerate().skip(1) {
         *v = Vector3::new(0.3 * p as f64, -0.2, 0.1 * p as f64 * p as f64);
     }
-    TestCase { name: "crooked".into(), system, state, dt: 0.01 }
+    TestCase { name: "crooked".into(), system, state, dt: 0.01, loaded: None }
 }
 
 fn ready(kind: Kind, size: usize) -> TestCase {
     let (system, state) = builtin(kind, size).unwrap().build().unwrap();
-    TestCase { name: kind.name().into(), system, state, dt: 0.01 }
+    TestCase { name: kind.name().into(), system, state, dt: 0.01, loaded: None }
 }
 
 fn matrices(TestCase { system, state, .. }: &TestCase, option: Stiffness) -> StepMatrices {
@@ -257,7 +257,7 @@ fn everything() -> Vec<TestCase> {
     files.sort();
     let files = files.into_iter().filter(|file| file.extension().is_some_and(|end| end == "toml")).map(|file| {
         let (system, state) = Scene::load(&file).unwrap().build().unwrap();
-        TestCase { name: file.file_stem().unwrap().to_string_lossy().into_owned(), system, state, dt: 0.01 }
+        TestCase { name: file.file_stem().unwrap().to_string_lossy().into_owned(), system, state, dt: 0.01, loaded: None }
     });
     hard_states().unwrap().into_iter().chain(files).chain(ready).chain([crooked()]).collect()
 }
