@@ -139,7 +139,7 @@ fn subject(seed: u64) -> Option<TestCase> {
         return None;
     }
     let (system, state) = builder.build().ok()?;
-    let subject = TestCase { name: format!("scene {seed}"), system, state, dt };
+    let subject = TestCase { name: format!("scene {seed}"), system, state, dt, loaded: None };
     // A third with the step that the suite would choose.
     Some(if seed.is_multiple_of(5) { TestCase { dt: subject.resolving_step(), ..subject } } else { subject })
 }

@@ -272,7 +272,7 @@ fn condition_numbers_up_to_1e12_are_met_and_estimated() {
 
 #[test]
 fn what_cannot_be_run_fails_with_the_reason() {
-    let subject = |(system, state), dt| TestCase { name: "free chain".into(), system, state, dt };
+    let subject = |(system, state), dt| TestCase { name: "free chain".into(), system, state, dt, loaded: None };
     let (system, mut state) = free_chain(1.0);
     state.positions[1] = state.positions[0];
     let degenerate = subject((system, state), DT);
