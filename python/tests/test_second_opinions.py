@@ -135,3 +135,70 @@ def test_a_swinging_chain_is_where_mujoco_has_it():
     # Fourth order: what the finer steps leave is a sixteenth of what the coarser ones do.
     assert error(found, fine) < 1e-7
     assert error(found, fine) < 0.2 * error(found, coarse) + 1e-10
+
+
+def growth(step, states, segments, aside):
+    """The mean rate at which neighbouring motions part, of each of many (Benettin and others, Meccanica 15, 1980): the distance is scaled back to
+    ``aside`` after each segment. ``step`` advances an array of states, one a row, by a segment of half a second."""
+    rng = np.random.default_rng(5)
+    away = rng.normal(size=states.shape)
+    away *= aside / np.linalg.norm(away, axis=1, keepdims=True)
+    total = np.zeros(len(states))
+    for segment in range(segments):
+        after, beside = step(states), step(states + away)
+        away = beside - after
+        distance = np.linalg.norm(away, axis=1, keepdims=True)
+        # The first two seconds turn the distance into the direction that grows.
+        total += np.log(distance / aside)[:, 0] * (segment >= 4)
+        states, away = after, away * (aside / distance)
+    return total / (0.5 * (segments - 4))
+
+
+def swung(states):
+    """Half a second of double pendulums with rigid rods of 1 m and bobs of 1 kg, by angles and angular velocities."""
+
+    def rate(y):
+        a, b, p, q = y
+        d, g = a - b, 9.81
+        scale = 3 - np.cos(2 * d)
+        first = -3 * g * np.sin(a) - g * np.sin(a - 2 * b) - 2 * np.sin(d) * (q**2 + p**2 * np.cos(d))
+        second = 2 * np.sin(d) * (2 * p**2 + 2 * g * np.cos(a) + q**2 * np.cos(d))
+        return np.array([p, q, first / scale, second / scale])
+
+    y, h = states.T, 0.0025
+    for _ in range(200):
+        k1 = rate(y)
+        k2 = rate(y + h / 2 * k1)
+        k3 = rate(y + h / 2 * k2)
+        k4 = rate(y + h * k3)
+        y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return y.T
+
+
+def test_double_pendulums_are_as_chaotic_as_with_rigid_rods():
+    """The Lyapunov exponent of double pendulums that are let go almost horizontally: of stiff springs, and of rigid rods in angles."""
+    count = 24
+    angles = np.pi / 2 + 0.02 * np.arange(count)
+    rigid = growth(swung, np.column_stack([np.full(count, np.pi / 2), angles, np.zeros((count, 2))]), 120, 1e-7)
+
+    anchors, bobs = np.arange(0, 3 * count, 3), np.arange(1, 3 * count, 3)
+    first, second = [1.0, 0.0], np.column_stack([np.sin(angles), -np.cos(angles)])
+    positions = np.zeros((3 * count, 2))
+    positions[bobs], positions[bobs + 1] = first, first + second
+    system = sprung.System(
+        positions, np.concatenate([np.column_stack([bobs - 1, bobs]), np.column_stack([bobs, bobs + 1])]), masses=1.0,
+        stiffness=2e4, rest_lengths=1.0, gravity=[0, -9.81], constraints=[sprung.Constraint(anchors)], name="double pendulums",
+    )
+    movers = np.sort(np.concatenate([bobs, bobs + 1]))
+
+    def step(states):
+        start = system.initial_state()
+        start.positions[movers], start.velocities[movers] = np.split(states.reshape(2 * count, 4), 2, axis=1)
+        end = sprung.Stepper(system, start, method="verlet").run(0.5, dt=1e-3).state
+        return np.hstack([end.positions[movers], end.velocities[movers]]).reshape(count, 8)
+
+    elastic = growth(step, np.hstack([positions[movers], np.zeros((2 * count, 2))]).reshape(count, 8), 120, 1e-7)
+    means, errors = [[np.mean(of), np.std(of, ddof=1) / np.sqrt(count)] for of in (rigid, elastic)], 5.0
+    (known, of_known), (found, of_found) = means
+    assert known > 10 * of_known, "it is chaotic"
+    assert abs(found - known) < errors * np.hypot(of_known, of_found)

@@ -186,6 +186,9 @@ def test_unusable_states_are_named(system):
         change(state)
         with pytest.raises(ValueError, match=message):
             system.force(state)
+    for call in (sprung.inspect, sprung.equilibrium, sprung.mechanisms):
+        with pytest.raises(TypeError, match="state = 5: must be a sprung.State, or None for the initial one"):
+            call(system, 5)
 
 
 def test_forces_and_energies_are_those_of_the_formulas(system):

@@ -466,7 +466,11 @@ class System:
         return State._of(self._native.start())
 
     def _given(self, state: State | None) -> Given:
-        return self._native.start() if state is None else state._given()
+        if state is None:
+            return self._native.start()
+        if not isinstance(state, State):
+            raise TypeError(f"state = {state!r}: must be a sprung.State, or None for the initial one")
+        return state._given()
 
     def gather(self, full: ArrayLike) -> Floats:
         """The free coordinates of an array of shape (particles, dimension), in the order of the matrices' rows."""
