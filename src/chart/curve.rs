@@ -3,10 +3,11 @@
 //! A run of long steps may end near the right place by chance, and the run of steps half as long, to which one turns when in
 //! doubt, may explode. So a run counts only as part of its configuration's *tail*: the runs from the shortest steps up, as long as
 //! every one succeeded and erred more than all that are shorter. Errors near that of the reference say nothing about each
-//! other: below a *floor* they need not fall. A tail of one run is none, as nothing confirms it.
+//! other: below a *floor* they need not fall. A tail of one run above the floor is none, as nothing confirms it.
 
 use super::reference::ABOVE_THE_FLOOR;
 use super::{Run, WorkPrecision};
+use crate::accuracy::extent;
 
 /// Runs of one configuration from long steps to short ones.
 #[derive(Debug, Clone)]
@@ -50,7 +51,7 @@ pub fn tail<'a>(curve: &Curve<'a>, floor: f64) -> Vec<&'a Run> {
         worst = error.max(worst);
         tail.push(run);
     }
-    if tail.len() < 2 { Vec::new() } else { tail }
+    if tail.len() < 2 && worst > floor { Vec::new() } else { tail }
 }
 
 /// The configuration of each method that costs least, judged by its tail; errors below `floor` are not told apart.
@@ -81,9 +82,13 @@ impl Curve<'_> {
 }
 
 impl WorkPrecision {
-    /// The error below which runs cannot be told apart.
+    /// The error below which runs cannot be told apart: that of the reference, or the rounding of positions in the run of most steps.
     pub fn floor(&self) -> f64 {
-        ABOVE_THE_FLOOR * self.reference.error_estimate
+        let positions = &self.reference.state.positions;
+        let size = positions.iter().map(|x| x.norm_squared()).sum::<f64>().sqrt() / extent(positions, positions);
+        let steps = self.runs.iter().map(|run| self.duration / run.dt).fold(0.0, f64::max);
+        let rounding = Some(f64::EPSILON * steps * size).filter(|rounding| rounding.is_finite());
+        (ABOVE_THE_FLOOR * self.reference.error_estimate).max(rounding.unwrap_or(0.0))
     }
 
     /// The runs of all tails, without the excluded ones.

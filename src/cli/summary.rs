@@ -103,8 +103,18 @@ impl SummaryText<'_> {
         }
         line("energy", format!("{} J at the start, {} J at the end", number(energy.initial), number(energy.last)))?;
         let Balance { work, dissipated, imbalance } = energy.balance;
-        let [work, dissipated, imbalance] = [work, dissipated, imbalance].map(number);
+        // Of work and dissipation no more digits are right than what is unexplained leaves.
+        let known = |value: f64| {
+            let digits = (value / imbalance).abs().log10() + 1.0;
+            rounded(value, if digits.is_finite() { digits.clamp(1.0, 6.0) as usize } else { 6 })
+        };
+        let [work, dissipated, imbalance] = [known(work), known(dissipated), rounded(imbalance, 2)].map(number);
         let text = format!("{work} J of work from outside, {dissipated} J dissipated, {imbalance} J unexplained");
         line("balance", text)
     }
+}
+
+/// A number to so many digits.
+fn rounded(value: f64, digits: usize) -> f64 {
+    format!("{value:.*e}", digits - 1).parse().unwrap_or(value)
 }

@@ -17,6 +17,7 @@ mod work;
 pub use energy_balance::Balance;
 pub use indicators::{ErrorIndicators, INACCURATE, percent, threshold};
 
+use super::adaptive::norm_of_all;
 use super::{CompletedStep, PropagatedError, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::force::{Energy, SpringEnergies};
@@ -24,6 +25,7 @@ use crate::memory;
 use crate::system::{State, System, extent};
 use energy_balance::{EnergyBalance, ParticleSums};
 use instability::{GrowthRecord, SavedState};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use work::Work;
 
@@ -203,13 +205,19 @@ impl<'s> Monitor<'s> {
 
     /// Propagates the error of the run over a step of dt seconds to a state, by the method that made it.
     pub(super) fn propagate(&mut self, stepper: &mut (impl TimeStepper + ?Sized), state: &State, dt: f64) {
-        let Self { system, record: MonitorCheckpoint { error, predictable_until, .. }, last, options, .. } = self;
+        let Self {
+            system, record: MonitorCheckpoint { error, predictable_until, .. }, last, options, is_accurate, ..
+        } = self;
         let Some(known) = error else { return };
         known.pass_load_kinks(system, last, dt);
         let step = CompletedStep { before: last, after: state, length: dt };
         if !stepper.propagate(known, &step) {
             *error = None;
             return;
+        }
+        // Steps with error control are short where forces jump.
+        if !*is_accurate {
+            known.add_jumps(system, &step);
         }
         let extent = extent(Some(system), &state.positions, &self.start.positions);
         known.saturate(system, extent);
@@ -294,9 +302,15 @@ impl<'s> Monitor<'s> {
         let MonitorCheckpoint { growth, steps, error, predictable_until, .. } = &self.record;
         let extent = extent(Some(self.system), &state.positions, &self.start.positions);
         let error = error.as_ref().filter(|_| *steps > 0);
+        // Every step rounds the positions that move; without an error nothing does.
+        let free = |(p, x): (usize, &Vector3<f64>)| self.system.dofs().free_axes(p).project(x);
+        let moving: Vec<_> = state.positions.iter().enumerate().map(free).collect();
+        let rounding = 0.5 * f64::EPSILON * (*steps as f64).sqrt() * norm_of_all(self.system, &moving);
+        let estimate = error.map(|error| error.norm(self.system));
+        let estimate = estimate.map(|error| if error > 0.0 { error.max(rounding) } else { error } / extent);
         ErrorIndicators {
             extent,
-            estimate: error.map(|error| error.norm(self.system) / extent).filter(|estimate| estimate.is_finite()),
+            estimate: estimate.filter(|estimate| estimate.is_finite()),
             local_errors: error.map_or(0.0, |error| error.sum_of_local_errors() / extent),
             predictable_until: *predictable_until,
             exchanged: growth.exchanged(),
