@@ -384,10 +384,10 @@ def pulled(**changed: object) -> sprung.System:
 
 def test_loads_and_springs_that_are_special_are_those_of_scene_files():
     system, scene = pulled(), sprung.System.parse(PULLED)
-    ends = [sprung.Stepper(one, method="rodas4").run(0.8, rtol=1e-4).final for one in (system, scene)]
+    ends = [sprung.Stepper(one, method="rodas4").run(0.8, rtol=1e-4).state for one in (system, scene)]
     np.testing.assert_array_equal(ends[0].positions, ends[1].positions)
     plain = sprung.Stepper(pulled(actuation=(), tension_only=False, drag=0.0, loads=None, gravity=None), method="rodas4")
-    assert np.abs(plain.run(0.8, rtol=1e-4).final.positions - ends[0].positions).max() > 0.1
+    assert np.abs(plain.run(0.8, rtol=1e-4).state.positions - ends[0].positions).max() > 0.1
     for name in ("loads", "drag", "tension_only", "gravity"):
         np.testing.assert_array_equal(getattr(system, name), getattr(scene, name))
     # A pair is a path as well, and one value counts for all.
