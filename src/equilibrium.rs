@@ -31,14 +31,14 @@ pub use load_path::{CriticalKind, CriticalLoad, LoadPath, load_path};
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::{Accuracy, Pencil, ShiftInvert};
 use crate::error::{Error, Invalid, Result, check_length};
-use crate::force::{SpringGeometry, add_elastic_force};
+use crate::force::{Energy, SpringGeometry, add_elastic_force};
 use crate::gradient::{Parameters, Point};
 use crate::integrate::{Matrices, Projection, StiffnessPolicy};
 use crate::linear::{Cholesky, Ldlt, dot};
 use crate::modes::loads_at_rest;
 use crate::operator::LinearOperator;
 use crate::rigid::bodies;
-use crate::spring::Stiffness;
+use crate::spring::{Spring, Stiffness};
 use crate::system::{Axes, State, System};
 use crate::work::Work;
 use iterative::Iterative;
@@ -123,7 +123,7 @@ pub struct Equilibrium {
     /// The largest force left on a free coordinate over the largest force that acts; where next to nothing acts, over what strains by rounding exert,
     /// times 1e11.
     pub residual: f64,
-    /// E, in J, of springs, weight and constant loads.
+    /// E, in J, of all springs, those between held particles included, weight and constant loads.
     pub energy: f64,
     /// Newton steps.
     pub iterations: usize,
@@ -258,6 +258,7 @@ struct Search<'s> {
     force: Vec<f64>,
     acting: f64,
     rounding: [f64; 2],
+    /// E without the springs between held particles, whose part is constant.
     energy: f64,
     /// A body has rigid motions.
     is_free: bool,
@@ -321,7 +322,12 @@ impl<'s> Search<'s> {
         system.dofs().gather(&forces, &mut self.force);
         let elastic: f64 =
             geometry.springs(system).map(|((number, ..), at)| system.elastic_energy(number, at, state.time)).sum();
-        self.energy = elastic - loads.iter().zip(&state.positions).map(|(f, x)| f.dot(x)).sum::<f64>();
+        self.energy = elastic - self.work_of_loads();
+    }
+
+    /// `Σ f·x` of weight and loads.
+    fn work_of_loads(&self) -> f64 {
+        self.loads.iter().zip(&self.state.positions).map(|(f, x)| f.dot(x)).sum()
     }
 
     /// The forces that rounding of positions makes, `u k/l0 ‖x‖` of a spring's farther end: of one spring, and of all springs of a particle. No search
@@ -452,18 +458,31 @@ impl<'s> Search<'s> {
         loads + self.energy.abs()
     }
 
-    /// The largest extent along an axis, and at least the longest spring.
+    /// A length of the problem: the largest extent along an axis, and at least the longest spring, taut or not, and the farthest that the load of a
+    /// particle stretches the springs there. A scene that has shrunk to a point still has the last two.
     fn size(&self) -> f64 {
+        let positions = &self.state.positions;
         let extent = |axis: usize| {
-            let range = self
-                .state
-                .positions
+            let range = positions
                 .iter()
                 .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x[axis]), high.max(x[axis])]);
             range[1] - range[0]
         };
-        let longest = self.geometry.springs(self.system).map(|((_, _, spring), at)| at.length.max(spring.rest_length));
-        longest.fold((0..3).map(extent).fold(0.0, f64::max), f64::max)
+        let mut stiffness = vec![0.0; positions.len()];
+        let mut size = (0..3).map(extent).fold(0.0, f64::max);
+        for ((number, ends, _), at) in self.geometry.springs(self.system) {
+            // Its own parameters: those of a slack spring are zero.
+            let spring = self.system.spring_then(number, self.state.time);
+            size = size.max(at.length).max(spring.rest_length);
+            ends.iter().for_each(|&end| stiffness[end] += spring.axial_stiffness());
+        }
+        let stretched = self
+            .loads
+            .iter()
+            .zip(&stiffness)
+            .enumerate()
+            .filter(|(p, (_, stiffness))| **stiffness > 0.0 && self.system.dofs().free_axes(*p) != Axes::NONE);
+        stretched.map(|(_, (load, stiffness))| load.amax() / stiffness).fold(size, f64::max)
     }
 
     /// One Newton step at full length, kept where it lowers the residual.
@@ -501,8 +520,10 @@ impl<'s> Search<'s> {
     /// Eigenvalues up to this size, in N/m, are zero: rounding, and at an equilibrium what the force that is left may change.
     fn zero_band(&self, a: &SymmetricMatrix, is_at_rest: bool) -> f64 {
         let left = if is_at_rest { self.left() } else { 0.0 };
-        let shortest =
-            self.geometry.iter().map(|at| at.length).filter(|length| *length > 0.0).fold(f64::INFINITY, f64::min);
+        // Of those springs whose K depends on their length: neither slack ones nor those without a rest length.
+        let turning = |spring: &Spring| spring.rest_length > 0.0 && spring.stiffness != 0.0;
+        let lengths = self.geometry.springs(self.system).filter(|((.., spring), _)| turning(spring));
+        let shortest = lengths.map(|(_, at)| at.length).fold(f64::INFINITY, f64::min);
         ZERO * Pencil::of(a).norm() + 10.0 * left / shortest
     }
 
@@ -557,7 +578,7 @@ impl<'s> Search<'s> {
             stability,
             load: self.options.load,
             residual: self.residual(),
-            energy: self.energy,
+            energy: Energy::of(self.system, &self.state).elastic - self.work_of_loads(),
             iterations: self.iterations,
             inertia,
             counted: matches!(self.solver, Solver::Factored(_)),

@@ -13,7 +13,8 @@
 //!
 //! **Zero modes.** Rigid motions of a body that nothing strains or holds, and mechanisms, have ω² = 0 up to rounding of K. The search starts from the
 //! rigid motions, which are known. An eigenvalue within rounding of zero counts as zero: rounding of sums, relative to ‖M⁻¹K‖, and that of positions, which
-//! leaves springs strained that are at rest. The gap to the next one is reported.
+//! leaves springs strained that are at rest. The gap to the next one is reported. Where all modes asked for grow, zero modes lie above them: their number is
+//! then that of the eigenvalues between two shifts on both sides of zero.
 //!
 //! **Damping.** `φᵀ(−G)φ/(2ω)`, exact where modes diagonalise G.
 
@@ -82,8 +83,10 @@ impl Mode {
 pub struct Modes {
     /// Modes other than zero modes, by ascending ω².
     pub modes: Vec<Mode>,
-    /// Modes of ω² = 0.
+    /// Modes of ω² = 0: all of them, or none where the modes asked for end below zero.
     pub zero_modes: Vec<Mode>,
+    /// The number of modes of ω² = 0, also where they lie above the modes asked for; `None` where it is not known there.
+    pub zero_count: Option<usize>,
     /// Rigid motions that constraints admit and stresses do not resist.
     pub rigid_motions: usize,
     /// The parts of a scene of several that can move as a whole: their particles.
@@ -150,7 +153,7 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
     };
     let plan = || Ldlt::plan_if(stiffness.pattern(), Par::rayon(0), is_worth)?.allocate().ok();
     let factorization = if order > 0 { plan() } else { None };
-    let Found { pairs, bounds, complete, proven, counted_below } = match factorization {
+    let Found { pairs, bounds, complete, proven, counted_below, zeros_above } = match factorization {
         None if order == 0 => Found { complete: true, proven: true, counted_below: f64::INFINITY, ..Found::default() },
         Some(mut factorization) => {
             work.symbolic_factorizations += 1;
@@ -166,6 +169,9 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
     let (zeros, others): (Vec<_>, Vec<_>) = pairs.partition(|(pair, _)| rounding.hides(pair));
     let sizes = |pairs: &[(Eigenpair, f64)]| pairs.iter().map(|(pair, _)| pair.value.abs()).collect::<Vec<_>>();
     let gap = [sizes(&zeros).into_iter().fold(0.0, f64::max), sizes(&others).into_iter().fold(f64::INFINITY, f64::min)];
+    // All that are lower have been found, where a mode above zero has.
+    let is_past_zero = zeros.len() + others.len() == order || others.last().is_some_and(|(pair, _)| pair.value > 0.0);
+    let zero_count = if is_past_zero { Some(zeros.len()) } else { zeros_above };
     let damping = matrices.g();
     let mode = |(pair, bound): (Eigenpair, f64)| Mode::new(pair, bound, system.dofs(), masses, damping);
     let zero_modes: Vec<Mode> = zeros.into_iter().map(mode).collect();
@@ -173,7 +179,8 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
         modes: others.into_iter().take(count).map(mode).collect(),
         rigid_motions,
         parts: loose_parts(system, state),
-        hanging: if zero_modes.len() > rigid_motions { hanging(system) } else { Vec::new() },
+        zero_count,
+        hanging: if zero_count.is_none_or(|zeros| zeros > rigid_motions) { hanging(system) } else { Vec::new() },
         zero_modes,
         gap,
         complete,
@@ -194,6 +201,8 @@ struct Found {
     complete: bool,
     proven: bool,
     counted_below: f64,
+    /// The number of zero modes, where it is known though all pairs lie below them.
+    zeros_above: Option<usize>,
 }
 
 /// The lowest pairs, `count` of them not zero, with a count of the eigenvalues below the last one.
@@ -205,8 +214,8 @@ fn counted(
     rounding: &Rounding<'_>,
     work: &mut Work,
 ) -> Result<Found> {
-    let (order, zero) = (pencil.a.order(), rounding.of_sums);
-    let mut wanted = (count + rigid.len()).min(order);
+    let (order, zero, rigid_motions) = (pencil.a.order(), rounding.of_sums, rigid.len());
+    let mut wanted = (count + rigid_motions).min(order);
     let mut search = ShiftInvert::new(pencil, factorization, work);
     search.known = rigid;
     let mut pairs = loop {
@@ -238,6 +247,8 @@ fn counted(
         complete = search.below(counted_below) == Some(found);
     }
     let lowest = counted_below - search.count_error;
+    let ends_below = pairs.last().is_some_and(|pair| pair.value < 0.0 && !rounding.hides(pair));
+    let zeros_above = if ends_below { zeros_counted(&mut search, rounding, rigid_motions) } else { None };
     let mut bounds = enclosures(&pencil, &pairs);
     let counted = pairs.iter().filter(|pair| pair.value < counted_below).count();
     let is_below = |(pair, bound): (&Eigenpair, &f64)| pair.value + bound < lowest;
@@ -246,7 +257,14 @@ fn counted(
     for (pair, bound) in pairs.iter().zip(&mut bounds).skip(counted).filter(|_| proven) {
         *bound = bound.max((pair.value - lowest) * (1.0 + f64::EPSILON));
     }
-    Ok(Found { pairs, bounds, complete, proven, counted_below })
+    Ok(Found { pairs, bounds, complete, proven, counted_below, zeros_above })
+}
+
+/// The number of eigenvalues within rounding of zero, where as many lie within a thousand times that: otherwise not all of them can be told from others.
+fn zeros_counted(search: &mut ShiftInvert<'_>, rounding: &Rounding<'_>, rigid_motions: usize) -> Option<usize> {
+    let narrow = rounding.of_sums.max(rounding.of_positions_at_most());
+    let [zeros, nearly] = [narrow, 1e3 * narrow].map(|band| search.below(band)?.checked_sub(search.below(-band)?));
+    zeros.filter(|zeros| Some(*zeros) == nearly && *zeros >= rigid_motions)
 }
 
 /// The bodies that have rigid motions, where there are several.
@@ -288,6 +306,15 @@ impl Rounding<'_> {
     fn of_positions(&self, vector: &[f64]) -> f64 {
         let dofs = self.system.dofs();
         self.transverse().map(|([i, j], size)| size * (dofs.get(vector, i) - dofs.get(vector, j)).norm_squared()).sum()
+    }
+
+    /// The largest [`of_positions`](Self::of_positions) that a vector with `uᵀMu = 1` can have: as `|uᵢ − uⱼ|² ≤ 2 |uᵢ|² + 2 |uⱼ|²`, twice the largest sum
+    /// of `κ δ/l` at a particle over its mass.
+    fn of_positions_at_most(&self) -> f64 {
+        let mut sums = vec![0.0; self.system.particles()];
+        self.transverse().for_each(|(ends, size)| ends.iter().for_each(|&end| sums[end] += size));
+        let free = self.system.masses().iter().enumerate().filter(|(p, _)| !self.system.dofs().rows(*p).is_empty());
+        free.map(|(p, mass)| 2.0 * sums[p] / mass).fold(0.0, f64::max)
     }
 
     /// The square of the norm `‖M^{-1/2} f‖` of the forces that they give to a motion.

@@ -115,10 +115,10 @@ impl Modes {
 
     /// Zero modes, rigid motions, the gap, completeness and whether it is proven, the shift of the count, and the imbalance of the state.
     #[allow(clippy::type_complexity)]
-    fn figures(&self) -> (usize, usize, [f64; 2], [bool; 2], f64, f64) {
+    fn figures(&self) -> (Option<usize>, usize, [f64; 2], [bool; 2], f64, f64) {
         let found = &self.found;
         let complete = [found.complete, found.proven];
-        (found.zero_modes.len(), found.rigid_motions, found.gap, complete, found.counted_below, found.imbalance)
+        (found.zero_count, found.rigid_motions, found.gap, complete, found.counted_below, found.imbalance)
     }
 
     /// The particles of each loose part, and of each part that hangs by one spring.

@@ -1,6 +1,6 @@
 use super::*;
 use crate::spring::Spring;
-use crate::system::{Constraint, Loads, SystemBuilder};
+use crate::system::{Behaviour, Constraint, Loads, SystemBuilder};
 use rand::rngs::Xoshiro256PlusPlus;
 use rand::{RngExt, SeedableRng};
 
@@ -33,6 +33,66 @@ fn a_hanging_chain_is_stretched_link_by_link() {
         let length = 0.1 * (1.0 + (count - p) as f64 * mass * 9.81 / k);
         assert!((found.state.positions[p].y - found.state.positions[p + 1].y - length).abs() < 1e-11);
     }
+}
+
+/// A weight above or at its hook, on springs and ropes whose problem has a length of its own, in one to three axes: the search passes through the point at
+/// which all lengths are zero, and leaves it where it starts there.
+#[test]
+fn weights_pass_through_their_hooks() {
+    let (mass, k) = (1.0, 10.0);
+    for dimension in 1..=3 {
+        let down = (dimension - 1).min(1);
+        let along = |y: f64| [0, 1, 2].map(|axis| if axis == down { y } else { 0.0 });
+        for (rest_length, is_rope, start) in
+            [(0.0, false, 1.0), (0.0, false, 0.0), (0.0, true, 1.0), (1.0, true, 1.0), (1.0, true, 0.5)]
+        {
+            let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
+            let [x, y, z] = along(-9.81);
+            builder.gravity(x, y, z);
+            builder.particle([0.0; 3], mass);
+            builder.particle(along(start), mass);
+            builder.spring(0, 1, spring(k, rest_length));
+            builder.hold(0);
+            let (system, state) = builder.build().unwrap();
+            let behaviour = Behaviour { tension_only: vec![is_rope], ..Behaviour::default() };
+            let found = find(&system.with_behaviour(behaviour).unwrap(), &state);
+            let case = format!("{dimension} {rest_length} {is_rope} {start}: {found:?}");
+            assert_eq!((found.stability, found.inertia.zero), (Stability::Stable, 0), "{case}");
+            let stretched = if rest_length == 0.0 { mass * 9.81 / k } else { 1.0 + mass * 9.81 / k };
+            assert!((found.state.positions[1][down] + stretched).abs() < 1e-12, "{case}");
+        }
+    }
+}
+
+/// The K of a spring without a rest length does not change when it closes: what force is left says nothing over its length.
+#[test]
+fn springs_that_close_leave_a_state_stable() {
+    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+    for x in [-1.0, 0.0, 0.001] {
+        builder.particle([x, 0.0, 0.0], 1.0);
+    }
+    builder.spring(0, 1, spring(100.0, 1.0));
+    builder.spring(1, 2, spring(5.0, 0.0));
+    builder.hold(0);
+    let (system, state) = builder.build().unwrap();
+    let found = find(&system, &state);
+    assert!(found.residual > 0.0, "nothing is left");
+    assert_eq!((found.stability, found.inertia.zero), (Stability::Stable, 0), "{found:?}");
+}
+
+/// The energy is that of all springs, like that of a run: half of 100 N over 0.5 m times 0.5² m² between the held particles, none elsewhere.
+#[test]
+fn springs_between_held_particles_have_energy() {
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    for x in [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.5, 0.0]] {
+        builder.particle(x, 1.0);
+    }
+    builder.spring(0, 1, spring(100.0, 0.5));
+    builder.spring(0, 2, spring(50.0, 1.0));
+    builder.spring(1, 2, spring(50.0, 1.0));
+    builder.hold(0).hold(1);
+    let (system, state) = builder.build().unwrap();
+    assert!((find(&system, &state).energy - 25.0).abs() < 1e-12);
 }
 
 /// A tolerance below rounding is met as far as rounding allows, which is better than by default.

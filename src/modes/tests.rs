@@ -196,6 +196,32 @@ fn growth_and_imbalance_are_told() {
     assert!(modes(&loaded, &state, 0).is_err());
 }
 
+/// A pressed chain, of which all bends grow, beside a bent double pendulum of bars at rest, which turns about its hook and in its joint: there are two zero
+/// modes, however many modes are asked for.
+#[test]
+fn zero_modes_above_growing_modes_are_counted() {
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    for p in 0..9 {
+        builder.particle([0.8 * p as f64, 0.0, 0.0], 1.0);
+    }
+    for x in [[0.0, 5.0, 0.0], [1.0, 5.0, 0.0], [1.0, 6.0, 0.0]] {
+        builder.particle(x, 2.0);
+    }
+    (0..8).chain([9, 10]).for_each(|p| {
+        builder.spring(p, p + 1, spring(10.0, 1.0));
+    });
+    builder.hold(0).hold(8).hold(9);
+    let (system, state) = builder.build().unwrap();
+    for count in 1..=18 {
+        let found = modes(&system, &state, count).unwrap();
+        let growing = found.modes.iter().filter(|mode| mode.eigenvalue < 0.0).count();
+        assert_eq!((growing, found.modes.len()), (count.min(7), count.min(16)));
+        assert_eq!((found.zero_count, found.rigid_motions, found.complete), (Some(2), 1, true), "{count}");
+        assert_eq!(found.zero_modes.len(), if count > 7 { 2 } else { 0 }, "{count}");
+        assert_eq!(found.hanging, [vec![10, 11]], "{count}");
+    }
+}
+
 /// Multigrid finds what factorizations find, on a held net under tension and on a free one.
 #[test]
 fn modes_without_a_factorization_are_the_same() {

@@ -134,7 +134,7 @@ impl Serialize for ModesRecord<'_> {
         let mut map = serializer.serialize_map(None)?;
         map.serialize_entry("scene", scene)?;
         map.serialize_entry("at", at)?;
-        map.serialize_entry("zero_modes", &found.zero_modes.len())?;
+        map.serialize_entry("zero_modes", &found.zero_count)?;
         map.serialize_entry("rigid_motions", &found.rigid_motions)?;
         map.serialize_entry("parts", &found.parts)?;
         map.serialize_entry("hanging", &found.hanging)?;
@@ -194,16 +194,20 @@ pub fn modes_text(scene: &str, at: &str, dimension: usize, found: &Modes) -> Str
             "  not an equilibrium: {part} of the largest force is not balanced; --at equilibrium finds one"
         );
     }
-    let zeros = found.zero_modes.len();
-    if zeros > 0 {
-        let others = zeros.saturating_sub(found.rigid_motions);
-        let _ = writeln!(
-            text,
-            "  {}: {}, {}",
-            count(zeros, "zero mode"),
-            count(found.rigid_motions, "rigid motion"),
-            count(others, "mechanism")
-        );
+    match found.zero_count {
+        Some(0) => {}
+        Some(zeros) => {
+            let others = zeros.saturating_sub(found.rigid_motions);
+            let _ = writeln!(
+                text,
+                "  {}: {}, {}{}",
+                count(zeros, "zero mode"),
+                count(found.rigid_motions, "rigid motion"),
+                count(others, "mechanism"),
+                if found.zero_modes.is_empty() { "; above the modes asked for" } else { "" }
+            );
+        }
+        None => text += "  zero modes: not counted; above the modes asked for\n",
     }
     for remark in parts_remarks(found) {
         let _ = writeln!(text, "  {remark}");

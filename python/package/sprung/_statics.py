@@ -129,9 +129,10 @@ class Modes:
     error_bounds : ndarray, shape (n,)
         Bounds with all rounding errors, in 1/s**2: where ``proven``, that of mode k holds for the k-th eigenvalue. Infinite where nothing is
         shown.
-    zero_modes : int
-        Rigid motions and mechanisms.
+    zero_modes : int or None
+        Rigid motions and mechanisms. None where all modes asked for grow and the zero modes above them could not be counted.
     zero_shapes : ndarray, shape (zero_modes, particles, dimension)
+        None of them where all modes asked for grow.
     rigid_motions : int
     parts : list of list of int
         The particles of each part that moves as a whole, where there are several parts.
@@ -204,7 +205,8 @@ class Modes:
 
     def __repr__(self) -> str:
         counted = "complete" if self.complete else "not counted"
-        return f"<Modes: {len(self)} beside {self.zero_modes} zero modes, {counted}>"
+        zeros = "uncounted" if self.zero_modes is None else self.zero_modes
+        return f"<Modes: {len(self)} beside {zeros} zero modes, {counted}>"
 
 
 def modes(system: System, n: int, state: State | None = None) -> Modes:

@@ -46,7 +46,11 @@ pub fn mode_motions(scene: &str, at: &str, system: &System, found: &Modes) -> Mo
     let first = if found.modes.is_empty() { 0 } else { found.zero_modes.len() };
     let mut facts = vec![format!(
         "At {at}: {} and {}.",
-        count(found.zero_modes.len(), "zero mode"),
+        match (found.zero_count, found.zero_modes.len()) {
+            (None, _) => "zero modes that were not counted".into(),
+            (Some(zeros), shown) if shown < zeros => count(zeros, "zero mode") + ", above the modes asked for,",
+            (Some(zeros), _) => count(zeros, "zero mode"),
+        },
         count(found.modes.len(), "mode")
     )];
     let remarks = parts_remarks(found);
