@@ -1,9 +1,9 @@
 //! `sprung run --accuracy R`: a search for an answer, every run of which is recorded.
 
 use super::Stop;
-use super::common::{LoadedScene, claim};
+use super::common::LoadedScene;
 use super::console::{Console, PARTS};
-use super::files::{FILES, Files, Recorder};
+use super::files::{Files, Recorder};
 use super::summary::SummaryText;
 use super::threads::{end_in_order, is_interrupted};
 use indicatif::ProgressBar;
@@ -97,7 +97,7 @@ pub fn search(
 ) -> Result<Summary, Stop> {
     let LoadedScene { file, name, system, state: start, .. } = scene;
     end_in_order();
-    let claimed = claim(folder, &FILES, false)?;
+    let claimed = files.claim(folder, false)?;
     Checkpoint::forget(&claimed)?;
     let clock = Instant::now();
     let schedule = Schedule::duration(options.interval, options.duration);
@@ -120,6 +120,6 @@ pub fn search(
         .and_then(|()| summary.write(folder.join("summary.json")))
         .and_then(|()| files.finish(folder));
     let names = written.map_err(Stop::Broken)?;
-    SummaryText { summary: &summary, folder, files: &names }.print(console)?;
+    SummaryText { summary: &summary, system, folder, files: &names }.print(console)?;
     Ok(summary)
 }

@@ -74,7 +74,8 @@ impl Chart {
         let duration = scene.motion_length(self.duration, "a chart")?;
         scene.check_schedule(dt, duration)?;
         end_in_order();
-        let _claimed = claim(&folder, &FILES, false)?;
+        let claimed = claim(&folder, &FILES, false)?;
+        claimed.check_inside("chart")?;
         let until = Deadline::after(budget, interrupt());
         let sweep = if self.stability { budget / 2 } else { budget };
         let whole = scene.time.duration.filter(|whole| *whole > duration);

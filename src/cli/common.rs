@@ -7,7 +7,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use sprung::error::Invalid;
 use sprung::integrate::{Outcome, Schedule, run};
 use sprung::output::{AtomicFile, OutputFolder, read_final_state};
-use sprung::plan::{DEFAULT_STEP, Plan, RunOptions};
+use sprung::plan::{DEFAULT_STEP, Plan, RunOptions, records_every};
 use sprung::report::number::compact;
 use sprung::scene::{Built, Scene, TimeSettings};
 use sprung::{Error, Result, State, System};
@@ -110,16 +110,28 @@ impl LoadedScene {
     }
 
     pub fn check_schedule(&self, dt: f64, duration: f64) -> Result<()> {
-        Schedule::check(dt, duration).map_err(|invalid| {
-            let of_scene = if invalid.key == "dt" { (self.time.dt, dt) } else { (self.time.duration, duration) };
-            // What is not the scene's was given as an option.
-            if of_scene.0 != Some(of_scene.1) {
-                let key = format!("--{}", invalid.key);
-                return Error::from(Invalid { key, ..invalid });
-            }
-            let key = format!("time.{}", invalid.key);
-            Error::from(Invalid { key, ..invalid }).in_file(&self.file)
+        Schedule::check(dt, duration).map_err(|invalid| match invalid.key.as_str() {
+            "dt" => self.blame((self.time.dt, dt), invalid),
+            _ => self.blame((self.time.duration, duration), invalid),
         })
+    }
+
+    /// The interval of the records of a motion where no step is given.
+    pub fn record_interval(&self, duration: f64) -> Result<f64> {
+        let interval = records_every(duration);
+        if interval > 0.0 {
+            return Ok(interval);
+        }
+        let invalid = Invalid::new("duration", format!("{duration:e}"), "is too short to be divided into steps");
+        Err(self.blame((self.time.duration, duration), invalid))
+    }
+
+    /// The error of a value of `[time]`: what is not the scene's was given as an option.
+    fn blame(&self, (of_scene, value): (Option<f64>, f64), invalid: Invalid) -> Error {
+        if of_scene != Some(value) {
+            return Error::from(Invalid { key: format!("--{}", invalid.key), ..invalid });
+        }
+        Error::from(Invalid { key: format!("time.{}", invalid.key), ..invalid }).in_file(&self.file)
     }
 }
 
@@ -222,12 +234,20 @@ fn number(text: &str, rule: &str, allowed: impl Fn(f64) -> bool) -> Result<f64, 
 }
 
 pub fn whole(text: &str) -> Result<u64, String> {
-    text.parse().map_err(|_| "must be a whole number, not negative".to_owned())
+    text.parse().map_err(|_| if is_whole(text) { TOO_LARGE } else { "must be a whole number, not negative" }.to_owned())
 }
 
 /// A whole number above zero. The library checks that of sizes.
 pub fn positive_count<T: FromStr>(text: &str) -> Result<T, String> {
-    text.parse().map_err(|_| "must be a whole number above zero".to_owned())
+    let is_zero = text.parse() == Ok(0u8);
+    let rule = if is_whole(text) && !is_zero { TOO_LARGE } else { "must be a whole number above zero" };
+    text.parse().map_err(|_| rule.to_owned())
+}
+
+const TOO_LARGE: &str = "is too large";
+
+fn is_whole(text: &str) -> bool {
+    !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit())
 }
 
 pub fn choice<T: Copy + Send + Sync + 'static>(

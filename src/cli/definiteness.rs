@@ -32,7 +32,8 @@ pub fn execute(
     console: &Console,
 ) -> Result<Exit, Stop> {
     end_in_order();
-    let _claimed = claim(folder, &FILES, false)?;
+    let claimed = claim(folder, &FILES, false)?;
+    claimed.check_inside("chart")?;
     let until = Deadline::after(budget, interrupt());
     let LoadedScene { name, system, state, .. } = scene;
     let comparison = threads.install(|| {

@@ -1,6 +1,6 @@
 //! The files of a run while it is under way: energies, frames and the page.
 
-use super::common::{LoadedScene, positive_count};
+use super::common::{LoadedScene, claim, positive_count};
 use super::console::number;
 use super::view::{PAGE, write_page};
 use indicatif::ProgressBar;
@@ -15,6 +15,12 @@ use std::path::Path;
 
 /// Files that every run writes.
 pub const FILES: [&str; 3] = ["summary.json", "final.json", "energy.csv"];
+
+/// Files that a run writes if requested, and removes otherwise.
+const OPTIONAL_FILES: [&str; 3] = [FRAME_LIST, TRAJECTORY, PAGE];
+
+/// The list of frames for VTK.
+const FRAME_LIST: &str = "frames.pvd";
 
 /// Optional files of a run.
 #[derive(Debug, clap::Args)]
@@ -31,11 +37,19 @@ pub struct Files {
 }
 
 impl Files {
+    /// Creates and locks the folder of a run, and checks that nothing there is in the way of any of its files.
+    pub fn claim(&self, folder: &Path, goes_on: bool) -> Result<OutputFolder> {
+        let claimed = claim(folder, &[FILES, OPTIONAL_FILES].concat(), goes_on)?;
+        let frames = self.frames.map(|_| "frames");
+        frames.into_iter().chain(["failure"]).try_for_each(|inner| claimed.check_inside(inner))?;
+        Ok(claimed)
+    }
+
     /// Writes the page, if requested; returns the names of all files of a run.
     pub fn finish(&self, folder: &Path) -> Result<Vec<&'static str>> {
         let mut names = FILES.to_vec();
         if self.frames.is_some() {
-            names.push("frames.pvd");
+            names.push(FRAME_LIST);
         }
         if self.frames.is_some() || self.view {
             names.push(TRAJECTORY);
@@ -77,12 +91,9 @@ impl Files {
     /// The files of an earlier run in a folder that this one removes.
     pub fn removed(&self, folder: &Path) -> Vec<&'static str> {
         let has_frames = self.frames.is_some();
-        let files = [("frames.pvd", has_frames), (TRAJECTORY, has_frames || self.view), (PAGE, self.view)];
-        files
-            .into_iter()
-            .filter(|(name, is_kept)| !is_kept && folder.join(name).exists())
-            .map(|(name, _)| name)
-            .collect()
+        let kept = [has_frames, has_frames || self.view, self.view];
+        let files = OPTIONAL_FILES.into_iter().zip(kept);
+        files.filter(|(name, is_kept)| !is_kept && folder.join(name).exists()).map(|(name, _)| name).collect()
     }
 
     /// Removes files of an earlier run that this one does not replace.

@@ -61,7 +61,7 @@ impl ModesCommand {
             .and_then(|()| write_modes(folder.join(FILES[1]), &scene.system, &found))
             .and_then(|()| write_motions(&claimed, PAGE, &scene, &scene.state.positions, &motions));
         let has_page = written.map_err(Stop::Broken)?;
-        let text = modes_text(&scene.name, &at, scene.system.dimension(), &found);
+        let text = modes_text(&scene.name, &at, &scene.system, &found);
         let names = if has_page { &FILES[..] } else { &FILES[..2] };
         let mut text = format!("{text}  files: {} in {}", names.join(", "), folder.display());
         if has_page {

@@ -39,6 +39,10 @@ pub struct New {
 
 impl New {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+        if console.json && self.output.is_some() {
+            let message = "--json: it is for a scene that is printed; the ending of a file determines its format";
+            return Err(Error::Usage(message.into()).into());
+        }
         let size = self.size.unwrap_or(self.kind.default_size());
         let scene = if self.refine { refined(self.kind, size)? } else { builtin(self.kind, size)? };
         match &self.output {

@@ -215,7 +215,10 @@ impl Earlier {
         let Self { folder, run, removed, checkpoint, is_finished } = self;
         let replaces = match &removed[..] {
             [] => "this run replaces its files".to_owned(),
-            names => format!("this run replaces its files, and removes {}", names.join(" and ")),
+            [names @ .., last] => {
+                let names = if names.is_empty() { String::new() } else { format!("{} and ", names.join(", ")) };
+                format!("this run replaces its files, and removes {names}{last}")
+            }
         };
         let folder = folder.display();
         let Some(found) = checkpoint else {

@@ -1,9 +1,9 @@
 //! `sprung run`: simulate a scene.
 
 use super::accuracy;
-use super::common::{At, LoadedScene, Process, SceneFile, claim, positive, positive_count, whole};
+use super::common::{At, LoadedScene, Process, SceneFile, positive, positive_count, whole};
 use super::console::{Console, error, help, number};
-use super::files::{FILES, Files, Recorder};
+use super::files::{Files, Recorder};
 use super::method::{MethodArguments, arguments_of};
 use super::resume::{Checkpoints, Earlier, Ended, NOT_GIVEN, OTHER_OPTIONS, Parts};
 use super::summary::SummaryText;
@@ -17,7 +17,7 @@ use sprung::output::{
     Checkpoint, ChoiceReport, EnergyLog, FailedStep, FailureReport, Frames, OutputFolder, RunRecord, Summary, WAITING,
     clear_frames, clear_frames_after, fingerprint, write_final_state,
 };
-use sprung::plan::{DEFAULT_STEP, Plan, parallelism, records_every};
+use sprung::plan::{DEFAULT_STEP, Plan, parallelism};
 use sprung::report::inspection::explain;
 use sprung::{Error, Result, State, System};
 use std::num::NonZeroU64;
@@ -63,7 +63,7 @@ pub struct Run {
     allow_unstable: bool,
 
     /// Do not propagate the errors of steps: faster, and nothing is known of the error at the end
-    #[arg(long)]
+    #[arg(long, conflicts_with = "accuracy")]
     no_error_estimate: bool,
 
     /// Write a checkpoint every N steps, from which --resume goes on. Solvers forget what they have learnt at each of them
@@ -117,7 +117,7 @@ impl Run {
             return Err(Error::Usage("--resume: a search for an --accuracy cannot be gone on with".into()));
         }
         let duration = scene.motion_length(self.duration, "--accuracy")?;
-        let interval = self.dt.or(scene.time.dt).unwrap_or(records_every(duration));
+        let interval = self.dt.or(scene.time.dt).map_or_else(|| scene.record_interval(duration), Ok)?;
         scene.schedule(interval, duration)?;
         Ok(options.accuracy_options(&scene.system, duration, interval))
     }
@@ -134,7 +134,7 @@ impl Run {
         let rtol = if self.steps.is_some() { options.rtol } else { options.rtol_without_step() };
         if let (None, Some(rtol)) = (self.dt.or(scene.time.dt.filter(|_| !is_adaptive)), rtol) {
             let duration = self.steps.map_or_else(duration, |steps| Ok(steps as f64 * DEFAULT_STEP))?;
-            let interval = if duration > 0.0 { records_every(duration) } else { DEFAULT_STEP };
+            let interval = if duration > 0.0 { scene.record_interval(duration)? } else { DEFAULT_STEP };
             let schedule = scene.schedule(interval, duration)?;
             return Ok(Pacing { schedule, rtol: Some(rtol), has_no_dt: !is_adaptive });
         }
@@ -174,7 +174,7 @@ impl Run {
         let mut state = from.as_ref().map_or_else(|| start.clone(), Checkpoint::state);
         let begun = parts.begin(from.as_ref(), &state).map_err(|error| error.in_file(file))?;
         end_in_order();
-        let claimed = claim(&folder, &FILES, self.resume)?;
+        let claimed = self.files.claim(&folder, self.resume)?;
         self.remove_replaced(&claimed, from.as_ref())?;
         let frames = self.files.start_frames(&folder, schedule, scene, from.as_ref())?;
         let is_resumable = every.is_some();
@@ -208,7 +208,7 @@ impl Run {
         };
         let summary = record.summary();
         let names = self.finish(&claimed, recorder, system, &state, &summary).map_err(Stop::Broken)?;
-        SummaryText { summary: &summary, folder: &folder, files: &names }.print(console)?;
+        SummaryText { summary: &summary, system, folder: &folder, files: &names }.print(console)?;
         if let Some(FailureReport { step, time, message }) = &summary.failure {
             let time = number(*time);
             error(format_args!("{} in step {step}, at t = {time} s: {message}", summary.status.name()));

@@ -3,21 +3,23 @@
 use super::Stop;
 use super::console::{Console, count, number, time_span, warning};
 use super::view::PAGE;
+use sprung::System;
 use sprung::integrate::{Balance, percent};
-use sprung::output::{ErrorKind, Summary};
+use sprung::output::{ErrorKind, Summary, TRAJECTORY};
 use std::fmt::{self, Display};
 use std::path::Path;
 
 /// The summary of a run for people: status, error, method and files, and with `{:#}` everything.
 pub struct SummaryText<'a> {
     pub summary: &'a Summary,
+    pub system: &'a System,
     pub folder: &'a Path,
     pub files: &'a [&'static str],
 }
 
 impl Display for SummaryText<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { summary, folder, files } = self;
+        let Self { summary, folder, files, .. } = self;
         let Summary { scene, status, steps, time, wall_seconds, method, stiffness, .. } = summary;
         let (status, steps, time) = (status.name(), count(*steps, "step"), number(*time));
         writeln!(f, "{scene}: {status} at t = {time} s after {steps}, in {}", time_span(*wall_seconds))?;
@@ -44,6 +46,8 @@ impl Display for SummaryText<'_> {
         writeln!(f, "  files     {} in {}", files.join(", "), folder.display())?;
         if files.contains(&PAGE) {
             write!(f, "open {}", folder.join(PAGE).display())
+        } else if files.contains(&TRAJECTORY) {
+            write!(f, "  motion    kept; sprung view {} plays it", folder.display())
         } else {
             write!(f, "  motion    not kept; with --view the run writes a page that plays it")
         }
@@ -69,8 +73,10 @@ impl SummaryText<'_> {
         let mut line = |name: &str, text: String| writeln!(f, "  {name:<9} {text}");
         let parts = [(*particles, "particle"), (*springs, "spring"), (*dofs, "degree of freedom")];
         line("system", parts.map(|(n, noun)| count(n as u64, noun)).join(", "))?;
-        // Maxwell's count.
-        if let Some(free) = dofs.checked_sub(self.summary.springs).filter(|free| *free > 0) {
+        // Maxwell's count: a spring is a condition on motions, and one that resists in every direction is one for every axis.
+        let without_length = self.system.springs().iter().filter(|spring| spring.rest_length == 0.0).count();
+        let conditions = springs + (self.system.dimension() - 1) * without_length;
+        if let Some(free) = dofs.checked_sub(conditions).filter(|free| *free > 0) {
             let motions = if free == 1 { "1 motion stretches".into() } else { format!("{free} motions stretch") };
             line("floppy", format!("at least {motions} no spring; sprung mechanisms names them"))?;
         }

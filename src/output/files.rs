@@ -129,11 +129,21 @@ fn folder_of(target: &Path) -> &Path {
     target.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
 }
 
+/// Creates a folder and those around it; where one cannot be created, none is left behind.
 fn create_folder(folder: &Path) -> Result<()> {
-    if folder.metadata().is_ok_and(|found| !found.is_dir()) {
-        return Err(Error::io(folder, ErrorKind::NotADirectory.into()));
+    check_folder(folder)?;
+    let missing: Vec<&Path> = folder.ancestors().take_while(|folder| folder.metadata().is_err()).collect();
+    std::fs::create_dir_all(folder).map_err(|source| {
+        missing.into_iter().for_each(|folder| _ = std::fs::remove_dir(folder));
+        Error::io(folder, source)
+    })
+}
+
+fn check_folder(folder: &Path) -> Result<()> {
+    match folder.metadata() {
+        Ok(found) if !found.is_dir() => Err(Error::io(folder, ErrorKind::NotADirectory.into())),
+        _ => Ok(()),
     }
-    std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))
 }
 
 /// The name of an unfinished file that can be continued.
@@ -227,9 +237,23 @@ impl OutputFolder {
         &self.path
     }
 
+    /// Checks that nothing but a folder has the name of an inner folder.
+    ///
+    /// # Errors
+    /// [`Error::Io`] for a file of that name.
+    pub fn check_inside(&self, folder: &str) -> Result<()> {
+        check_folder(&self.path.join(folder))
+    }
+
     /// Removes a file of an earlier command, if it exists.
+    ///
+    /// # Errors
+    /// [`Error::Io`] for a folder of that name, or a file that cannot be removed.
     pub fn remove(&self, name: impl AsRef<Path>) -> Result<()> {
         let file = self.path.join(name);
+        if file.is_dir() {
+            return Err(Error::io(file, ErrorKind::IsADirectory.into()));
+        }
         or_absent(std::fs::remove_file(&file)).map_err(|source| Error::io(file, source))
     }
 
@@ -345,6 +369,20 @@ mod tests {
         assert_eq!([claimed, written].map(|error| error.to_string()), [expected.clone(), expected]);
         std::fs::create_dir(parent.path().join("final.json")).unwrap();
         let folder = OutputFolder::claim(parent.path(), false).unwrap();
-        assert!(folder.remove("absent").is_ok() && folder.remove("final.json").is_err());
+        assert!(folder.remove("absent").is_ok());
+        let removed = folder.remove("final.json").unwrap_err().to_string();
+        assert_eq!(removed, format!("{}: is a directory", parent.path().join("final.json").display()));
+        for (inner, fits) in [("absent", true), ("final.json", true), ("file", false)] {
+            assert_eq!(folder.check_inside(inner).is_ok(), fits, "{inner}");
+        }
+    }
+
+    /// A folder that cannot be created leaves none of those around it.
+    #[test]
+    fn what_fails_leaves_nothing() {
+        let parent = tempfile::tempdir().unwrap();
+        let long = parent.path().join("out/inner").join("x".repeat(300));
+        assert!(OutputFolder::claim(&long, false).is_err());
+        assert!(!parent.path().join("out").exists() && parent.path().exists());
     }
 }

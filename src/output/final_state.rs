@@ -48,7 +48,11 @@ pub fn read_final_state(file: &Path, system: &System) -> Result<State> {
     // Parsing holds the text, and rows twice.
     memory::ensure(bytes.saturating_mul(8), "the state")?;
     let text = std::fs::read_to_string(file).map_err(|source| Error::reading_text(file, source))?;
-    let stored: Stored = json_table(&text).map_err(|message| Error::Format { file: file.into(), message })?;
+    let stored: Stored = json_table(&text).map_err(|message| {
+        let is_table = text.trim_start_matches('\u{feff}').trim_start().starts_with('{');
+        let wanted = if is_table { "" } else { "must be a state as final.json has it: " };
+        Error::Format { file: file.into(), message: format!("{wanted}{message}") }
+    })?;
     stored.state(system).map_err(|invalid| Error::from(invalid).in_file(file))
 }
 

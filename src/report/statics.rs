@@ -9,6 +9,7 @@ use super::number::{count, pretty};
 use crate::equilibrium::{CriticalLoad, Equilibrium, LoadPath, Signs, Stability};
 use crate::mechanisms::Mechanisms;
 use crate::modes::{Mode, Modes};
+use crate::system::System;
 use nalgebra::Vector3;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use std::fmt::Write;
@@ -184,8 +185,18 @@ fn parts_remarks(found: &Modes) -> Vec<String> {
     remarks
 }
 
+/// Parts of all mass, and damping ratios, below which a number in a table is rounding.
+const MASS_ROUNDING: f64 = 1e-12;
+const DAMPING_ROUNDING: f64 = 1e-15;
+
+/// A number in a table; rounding is zero.
+fn scientific(value: f64, rounding: f64) -> String {
+    if value.abs() < rounding || value == 0.0 { "0".into() } else { format!("{value:.3e}") }
+}
+
 /// Normal modes as a table.
-pub fn modes_text(scene: &str, at: &str, dimension: usize, found: &Modes) -> String {
+pub fn modes_text(scene: &str, at: &str, system: &System, found: &Modes) -> String {
+    let (dimension, mass_in_all) = (system.dimension(), system.masses().iter().sum::<f64>());
     let mut text = format!("{scene}, at {at}: {}\n", count(found.modes.len(), "mode"));
     if found.imbalance > BALANCED {
         let part = pretty(found.imbalance);
@@ -223,14 +234,15 @@ pub fn modes_text(scene: &str, at: &str, dimension: usize, found: &Modes) -> Str
             (Some(frequency), _) => [format!("{frequency:.6}"), format!("{:.6}", frequency.recip())],
             (None, rate) => ["grows".into(), format!("{:.3e} /s", rate.unwrap_or(f64::NAN))],
         };
-        let damping = mode.damping_ratio.map_or("-".into(), |ratio| format!("{ratio:.3e}"));
+        let damping = mode.damping_ratio.map_or("-".into(), |ratio| scientific(ratio, DAMPING_ROUNDING));
         let _ = write!(text, "  {:>4} {frequency:>12} {period:>12} {damping:>10}", number + 1);
         mode.effective_mass[..dimension].iter().for_each(|mass| {
-            let _ = write!(text, " {mass:>10.3e}");
+            let _ = write!(text, " {:>10}", scientific(*mass, MASS_ROUNDING * mass_in_all));
         });
         let _ = writeln!(text, " {:>10.1e}", mode.residual / mode.eigenvalue.abs().max(f64::MIN_POSITIVE));
     }
     let _ = match found.complete {
+        true if found.counted_below == f64::INFINITY => writeln!(text, "\n  complete: no coordinate is free"),
         true => writeln!(
             text,
             "\n  complete: a factorization counts the eigenvalues below {:.6e} 1/s², and none is missing ({})",
@@ -267,6 +279,11 @@ fn certainty(found: &Mechanisms) -> String {
     }
 }
 
+/// So many mechanisms in a sentence on them.
+fn all(count: usize) -> &'static str {
+    if count == 1 { "it" } else { "all of them" }
+}
+
 /// Mechanisms in words.
 pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
     let others = found.mechanisms.saturating_sub(found.rigid_motions);
@@ -290,8 +307,8 @@ pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
         );
     }
     match found.prestress_stable {
-        Some(true) => text += "  prestress stiffens all of them\n",
-        Some(false) if others > 0 => text += "  prestress does not stiffen all of them\n",
+        Some(true) => _ = writeln!(text, "  prestress stiffens {}", all(others)),
+        Some(false) if others > 0 => _ = writeln!(text, "  prestress does not stiffen {}", all(others)),
         _ => {}
     }
     if others > 0 && found.movers.is_empty() {
@@ -306,10 +323,56 @@ pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
         let _ = writeln!(text, "  … and {} more", found.movers.len() - 20);
     }
     if !found.added_springs.is_empty() {
-        let pairs = found.added_springs.iter().take(20).map(|[i, j]| format!("{i}–{j}")).collect::<Vec<_>>().join(", ");
-        let [added, needed] = [found.added_springs.len(), others];
-        let claim = if added == needed { "the fewest that do" } else { "some mechanisms are left" };
-        let _ = writeln!(text, "  removed by {} between {pairs}: {claim}", count(added, "spring"));
+        let added = found.added_springs.len();
+        let pairs: Vec<String> = found.added_springs.iter().take(20).map(|[i, j]| format!("{i}–{j}")).collect();
+        let springs =
+            format!("{} between {}{}", count(added, "spring"), pairs.join(", "), if added > 20 { ", …" } else { "" });
+        // Each takes one away.
+        let _ = match others.saturating_sub(added) {
+            0 => writeln!(text, "  removed by {springs}: the fewest that do"),
+            left => writeln!(text, "  all but {left} removed by {springs}"),
+        };
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{mechanisms_text, modes_text, scientific};
+    use crate::mechanisms::mechanisms;
+    use crate::modes::modes;
+    use crate::system::SystemBuilder;
+
+    /// A row of free particles in a plane.
+    fn row(particles: usize) -> SystemBuilder {
+        let mut builder = SystemBuilder::new();
+        builder.dimension = 2;
+        (0..particles).for_each(|p| _ = builder.particle([p as f64, 0.0, 0.0], 1.0));
+        builder
+    }
+
+    #[test]
+    fn rounding_is_zero_in_tables() {
+        assert_eq!([3.5e-13, -3.5e-13, 0.0, 1.5e-12].map(|mass| scientific(mass, 1e-12)), ["0", "0", "0", "1.500e-12"]);
+        let (system, state) = SystemBuilder::new().build().unwrap();
+        let text = modes_text("none", "start", &system, &modes(&system, &state, 3).unwrap());
+        assert!(text.ends_with("\n  complete: no coordinate is free\n"), "{text}");
+    }
+
+    #[test]
+    fn mechanisms_are_counted_in_sentences() {
+        let (system, state) = row(2).build().unwrap();
+        let mut found = mechanisms(&system, &state).unwrap();
+        (found.rigid_motions, found.mechanisms, found.prestress_stable) = (3, 4, Some(false));
+        assert!(mechanisms_text("one", &found).contains("  prestress does not stiffen it\n"));
+        (found.mechanisms, found.prestress_stable) = (5, Some(true));
+        found.added_springs = vec![[0, 1]];
+        let text = mechanisms_text("two", &found);
+        assert!(text.contains("  prestress stiffens all of them\n"), "{text}");
+        assert!(text.contains("  all but 1 removed by 1 spring between 0–1\n"), "{text}");
+        found.added_springs = vec![[0, 1]; 2];
+        assert!(
+            mechanisms_text("two", &found).contains("  removed by 2 springs between 0–1, 0–1: the fewest that do\n")
+        );
+    }
 }

@@ -79,7 +79,10 @@ fn parse_toml(text: &str) -> Result<Scene, String> {
             // The parser hands over a date as a table, which cannot begin with a digit.
             let is_date = text.get(span.start..).is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()));
             let found = if is_date { "invalid type: a date or a time" } else { "invalid type: map" };
-            let message = error.message().replacen("invalid type: map", found, 1);
+            let message = match (error.message(), text.get(span)) {
+                ("duplicate key", Some(key)) => format!("given twice: {}", key.trim_matches(['"', '\''])),
+                (message, _) => message.replacen("invalid type: map", found, 1),
+            };
             format!("{message} at line {line} column {}", before[start..].chars().count() + 1)
         }
         None => error.message().to_owned(),
@@ -161,13 +164,14 @@ fn plain(message: &str) -> String {
     if let Some(rest) = message.strip_prefix("invalid type: ").or(message.strip_prefix("invalid value: "))
         && let Some((found, wanted)) = rest.split_once(", expected ")
     {
-        return format!("is {}, must be {}", found_value(found), wanted_kind(wanted));
+        let found = found_value(found);
+        return format!("is {found}, must be {}", wanted_kind(wanted, found.parse().unwrap_or(0.0)));
     }
     if let Some((length, wanted)) =
         message.strip_prefix("invalid length ").and_then(|rest| rest.split_once(", expected "))
     {
         let entries = if length == "1" { "entry" } else { "entries" };
-        return format!("has {length} {entries}, must be {}", wanted_kind(wanted));
+        return format!("has {length} {entries}, must be {}", wanted_kind(wanted, 0.0));
     }
     for (start, words) in [("unknown field ", "unknown key "), ("unknown variant ", "unknown word ")] {
         if let Some(rest) = message.strip_prefix(start) {
@@ -195,13 +199,15 @@ fn found_value(found: &str) -> String {
     }
 }
 
-/// What is wanted, with what follows: `f64 at line 3 column 1`.
-fn wanted_kind(wanted: &str) -> String {
+/// What is wanted instead of a number, with what follows: `f64 at line 3 column 1`.
+fn wanted_kind(wanted: &str, found: f64) -> String {
+    let whole =
+        |bits: i32, limit: &'static str| if found < 2f64.powi(bits) { "a whole number, not negative" } else { limit };
     let kinds = [
         ("f64", "a number"),
-        ("u32", "a whole number, not negative"),
-        ("u64", "a whole number, not negative"),
-        ("usize", "a whole number, not negative"),
+        ("u32", whole(32, "a whole number below 2^32")),
+        ("u64", whole(64, "a whole number below 2^64")),
+        ("usize", whole(64, "a whole number below 2^64")),
         ("a string", "a text"),
         ("a sequence", "a list"),
         ("a map", "a table"),
@@ -225,8 +231,18 @@ mod tests {
         for (message, expected) in [
             (
                 toml("springs.pairs = [[0, 99999999999999999999]]"),
-                "springs.pairs[0][1]: is 99999999999999999999, must be a whole number, not negative at line 1 column 22",
+                "springs.pairs[0][1]: is 99999999999999999999, must be a whole number below 2^32 at line 1 column 22",
             ),
+            (
+                json("{\"springs\": {\"pairs\": [[0, 4294967296]]}}"),
+                "springs.pairs[0][1]: is 4294967296, must be a whole number below 2^32 at line 1 column 37",
+            ),
+            (
+                json("{\"springs\": {\"pairs\": [[0, -1]]}}"),
+                "springs.pairs[0][1]: is -1, must be a whole number, not negative at line 1 column 29",
+            ),
+            (toml("gravity = 1\n'gravity' = 2"), "given twice: gravity at line 2 column 1"),
+            (toml("[time]\ndt = 1\n[time]\nduration = 1"), "given twice: time at line 3 column 2"),
             (
                 toml("particles.masses = 123456789012345678901234567890"),
                 "particles.masses: is 123456789012345678901234567890, must be a number or a list of numbers at line 1 column 20",

@@ -63,9 +63,14 @@ impl MeshGeometry {
     /// The place of an edge in the file and the vertices it joins, for a message.
     pub(super) fn place(&self, edge: usize) -> String {
         let ends = self.edges.get(edge).copied().unwrap_or_default();
-        let [i, j] = ends.map(|vertex| u64::from(vertex) + u64::from(self.first));
+        let [i, j] = ends.map(|vertex| self.number(vertex as usize));
         let place = self.places.get(edge).copied().unwrap_or_default();
         format!("{} {place}: an edge joins vertices {i} and {j}", self.unit)
+    }
+
+    /// The file's number of a vertex.
+    pub(super) fn number(&self, vertex: usize) -> u64 {
+        vertex as u64 + u64::from(self.first)
     }
 
     /// Joins vertices that are no farther apart than `distance`, directly or through others; the first of them stays. Edges and

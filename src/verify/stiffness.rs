@@ -179,15 +179,15 @@ pub fn spring_blocks(case: &TestCase, block: impl Fn(&Spring, &Extension) -> Mat
         "1 is the rounding of both sides, each 12 u k (1/l0 + 1/l): derivatives by dual numbers have no truncation";
     [
         compare(
-            "K^s of each spring against central differences",
+            "Kˢ of each spring against central differences",
             "1 is what analysis allows for an entry: truncation k h²/(2(l − h)³) and rounding 15 u k max(1, l/l0)/h of \
              the one spring, h where both are least",
             &|link| difference_block(&system.springs()[link.index], link, link.ends.map(|end| state.positions[end])),
         ),
-        compare("K^s of each spring against dual numbers", by_duals, &|link| {
+        compare("Kˢ of each spring against dual numbers", by_duals, &|link| {
             (dual::stiffness_block(link), 2.0 * link.block_rounding())
         }),
-        compare("K^s of each spring against the energy's second derivative", by_duals, &|link| {
+        compare("Kˢ of each spring against the energy's second derivative", by_duals, &|link| {
             (dual::energy_block(link), 2.0 * link.block_rounding())
         }),
     ]

@@ -266,7 +266,7 @@ pub fn v_curve(case: &TestCase, stiffness: &impl LinearOperator) -> Result<Vec<C
     let curve = VCurve::measure(case, elastic_force(system, state), stiffness, &all_steps())?;
     let (floor, allowed) = curve.floor();
     let why = "least over h of truncation k h² δ³/(2(l − hδ)³) and rounding 15 u k max(1, l/l0)/h of every spring, \
-        relative to Σ ‖K^s‖ δ; of the order of u^(2/3), and u ‖x‖/l far from the origin";
+        relative to Σ ‖Kˢ‖ δ; of the order of u^(2/3), and u ‖x‖/l far from the origin";
     let (h, error, _) = curve.plateau();
     let through = (h, error);
     let title = "Error of K w against central differences";

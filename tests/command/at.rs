@@ -153,6 +153,12 @@ fn the_other_commands_look_at_the_state_too() {
     let (at, steps) = (inspect(&["--at", "o/final.json"]), inspect(&["--steps", "6"]));
     assert_eq!((&at["time"], &at["lambda_min"]), (&steps["time"], &steps["lambda_min"]));
     assert_ne!(at["lambda_min"], inspect(&[])["lambda_min"]);
+    let text = |more: &[&str]| sandbox.sprung(&[&["inspect", "triangle.toml"], more].concat()).ends_with(0).stdout;
+    let (at, start) = (text(&["--at", "o/final.json"]), "falling triangle at this state: ");
+    assert!(at.starts_with("falling triangle at this state, t = 0.0600 s: "), "{at}");
+    assert!(sandbox.read("out/falling-triangle/inspect.html").contains(" − K at t = 0.0600 s, "));
+    assert!(text(&[]).starts_with(start));
+    assert!(sandbox.read("out/falling-triangle/inspect.html").contains(" − K at the initial state, "));
     let further = inspect(&["--at", "o/final.json", "--steps", "2"]);
     assert_eq!(further["lambda_min"], inspect(&["--steps", "8"])["lambda_min"]);
 
@@ -192,7 +198,8 @@ fn states_that_do_not_fit_are_refused() {
         (good.replace("0.5", "\"soon\""), "time: "),
         (good.replace("\"time\": 0.5,", ""), "time"),
         (good.replace("0.5", "1e18"), "time = 1000000000000000000: is too late for steps of 0.01 s"),
-        (String::new(), "the text ends in a value"),
+        (String::new(), "must be a state as final.json has it: the text ends in a value"),
+        (TRIANGLE.into(), "must be a state as final.json has it: expected "),
     ];
     for (text, part) in &cases {
         sandbox.put("state.json", text);

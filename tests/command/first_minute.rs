@@ -43,6 +43,8 @@ fn the_first_lines_are_what_a_person_wants_to_know() {
     let page = sandbox.path("o/view.html");
     assert_eq!(seen.trim_end().lines().last().unwrap(), "open o/view.html");
     assert!(page.is_file());
+    let kept = run(&sandbox, &["--frames", "9"]).stdout;
+    assert_eq!(kept.trim_end().lines().last().unwrap(), "  motion    kept; sprung view o plays it");
     let full = run(&sandbox, &["--view", "--verbose"]).stdout;
     for part in ["unexplained", "residual", "2 particles, 1 spring, 2 degrees of freedom", "J at the end"] {
         assert!(full.contains(part), "{part:?} is not in {full}");
@@ -88,6 +90,21 @@ fn an_option_is_blamed_by_its_name() {
     sandbox().sprung(&["run", "spring.toml", "--dt", "1e-320"]).ends_with(2).complains(&[message]);
 }
 
+/// Maxwell's count: two springs on two particles in a plane leave two motions, and none where one of them resists in both directions.
+#[test]
+fn springs_without_a_rest_length_hold_in_every_direction() {
+    let sandbox = Sandbox::new();
+    for (rest_lengths, floppy) in [("[1, 1]", "at least 2 motions stretch no spring"), ("[1, 0]", "at least 1 motion ")]
+    {
+        let springs = format!("pairs = [[0, 1], [0, 2]], stiffness = 1, rest_lengths = {rest_lengths}");
+        let particles = "positions = [[0, 0], [1, 0], [0, 1]], masses = 1";
+        let held = "constraints = [{ particles = [0] }]";
+        sandbox.put("net.toml", &format!("{held}\nparticles = {{ {particles} }}\nsprings = {{ {springs} }}"));
+        let text = sandbox.sprung(&["run", "net.toml", "--dt", "0.1", "--steps", "1", "-v"]).ends_with(0).stdout;
+        assert!(text.contains(&format!("  floppy    {floppy}")), "{text}");
+    }
+}
+
 #[test]
 fn a_second_run_says_what_it_replaces() {
     let sandbox = sandbox();
@@ -99,6 +116,10 @@ fn a_second_run_says_what_it_replaces() {
     run(&sandbox, &[]).complains(&[": this run replaces its files, and removes trajectory.npz and view.html\n"]);
     assert_eq!(sandbox.names("o"), ["energy.csv", "final.json", "summary.json"]);
     assert_eq!(run(&sandbox, &["--quiet"]).stderr, "");
+    run(&sandbox, &["--view", "--frames", "9", "--quiet"]);
+    run(&sandbox, &[]).complains(&["and removes frames.pvd, trajectory.npz and view.html\n"]);
+    run(&sandbox, &["--view", "--quiet"]);
+    run(&sandbox, &["--frames", "9"]).complains(&["and removes view.html\n"]);
 }
 
 /// A run that was complete goes on with a longer duration, from its last checkpoint that lies on the longer run: its own last step was cut short.

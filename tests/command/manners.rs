@@ -66,6 +66,32 @@ fn what_was_meant_is_suggested() {
 }
 
 #[test]
+fn options_without_an_effect_are_refused() {
+    let sandbox = Sandbox::new();
+    let answer = sandbox.sprung(&["new", "cloth", "--json", "-o", "cloth.toml"]).ends_with(2);
+    answer.complains(&["error: --json: it is for a scene that is printed"]);
+    sandbox.put("cloth.toml", &sandbox.sprung(&["new", "cloth"]).ends_with(0).stdout);
+    let answer = sandbox.sprung(&["run", "cloth.toml", "--accuracy", "0.1", "--no-error-estimate"]).ends_with(2);
+    answer.complains(&["--accuracy", "cannot be used with '--no-error-estimate'"]);
+    assert_eq!(sandbox.names("."), ["cloth.toml"]);
+}
+
+#[test]
+fn numbers_that_are_too_large_are_told_from_others() {
+    let sandbox = Sandbox::new();
+    let (large, zero) = ("99999999999999999999999", "000");
+    for (option, number, rule) in [
+        ("--steps", large, "is too large"),
+        ("--steps", "1.5", "must be a whole number, not negative"),
+        ("--frames", large, "is too large"),
+        ("--frames", zero, "must be a whole number above zero"),
+        ("--frames", "", "must be a whole number above zero"),
+    ] {
+        sandbox.sprung(&["run", "none.toml", option, number]).ends_with(2).complains(&[&format!(": {rule}\n")]);
+    }
+}
+
+#[test]
 fn colour_is_a_choice() {
     let sandbox = Sandbox::new();
     let colours = |arguments: &[&str], no_color: bool| {

@@ -20,6 +20,7 @@ macro_rules! rejections {
             mass_infinite: "[1.0, 2.0, 3.0]", "[1.0, inf, 3.0]" => "particles.masses[1] = inf: must be finite and positive";
             mass_for_all_zero: "[1.0, 2.0, 3.0]", "0" => "particles.masses = 0: must be positive";
             mass_for_all_nan: "[1.0, 2.0, 3.0]", "nan" => "particles.masses = NaN: must be finite";
+            mass_for_all_of_too_much_energy: "[1.0, 2.0, 3.0]", "1e308" => "particles.masses = 1e308: makes an energy beyond the largest number";
             masses_too_few: "[1.0, 2.0, 3.0]", "[1.0, 2.0]" => "particles.masses = a list of 2: must have one entry for each of the 3 particles";
             masses_absent: "masses = [1.0, 2.0, 3.0]", "" => "particles.masses: must be given, one number for all or one for each of the 3 particles";
             masses_text: "[1.0, 2.0, 3.0]", "\"heavy\"" => "particles.masses: is the text \"heavy\", must be a number or a list of numbers at line 8 column 10";
@@ -42,6 +43,7 @@ macro_rules! rejections {
             damping_too_many: "[0.3, 0.0]", "[0.3, 0.0, 0.0]" => "springs.damping = a list of 3: must have one entry for each of the 2 springs";
 
             pair_out_of_range: "[[0, 1], [1, 2]]", "[[0, 1], [1, 3]]" => "springs.pairs[1] = [1, 3]: names a particle that does not exist (there are 3)";
+            pair_of_too_large_a_number: "[[0, 1], [1, 2]]", "[[0, 1], [1, 4294967297]]" => "springs.pairs[1][1]: is 4294967297, must be a whole number below 2^32 at line 11 column 22";
             pair_negative: "[[0, 1], [1, 2]]", "[[0, -1], [1, 2]]" => "springs.pairs[0][1]: is -1, must be a whole number, not negative at line 11 column 14";
             pair_of_one_particle: "[[0, 1], [1, 2]]", "[[0, 1], [2, 2]]" => "springs.pairs[1] = [2, 2]: joins a particle to itself";
             pair_of_three: "[[0, 1], [1, 2]]", "[[0, 1], [0, 1, 2]]" => "springs.pairs[1]: has 3 entries, must be a pair of particle numbers at line 11 column 18";
@@ -94,7 +96,7 @@ macro_rules! rejections {
             name_empty: "\"valid\"", "\"\"" => "name: \"\" must not be empty at line 2 column 8";
             name_of_a_parent: "\"valid\"", "\"..\"" => "name: \"..\" must do as a folder's name: no path separators, no control characters, not \".\" or \"..\" at line 2 column 8";
             name_with_a_separator: "\"valid\"", "\"a/b\"" => "name: \"a/b\" must do as a folder's name: no path separators, no control characters, not \".\" or \"..\" at line 2 column 8";
-            key_twice: "masses =", "masses = 1\nmasses =" => "duplicate key at line 9 column 1";
+            key_twice: "masses =", "masses = 1\nmasses =" => "given twice: masses at line 9 column 1";
             table_unclosed: "[time]", "[time" => "unclosed table, expected `]` at line 25 column 6";
         }
     };

@@ -90,6 +90,26 @@ fn the_page_draws_plays_and_moves_with_the_slider() {
     }
 }
 
+/// A canvas of another size is drawn on before it is shown.
+#[test]
+fn the_picture_is_never_blank() {
+    let Some(mut browser) = Browser::start() else { return };
+    let sandbox = page_of_a_run();
+    let mut page = browser.open(&sandbox.path("out/view.html"), SIZES[0], false);
+    page.wait_for("globalThis.viewer");
+    picture(&mut page);
+    // This observer is called after the page's own, when all callbacks before the frame have run.
+    let resized = "new Promise((done) => {
+        const c = document.getElementById('picture'), { height } = c;
+        new ResizeObserver(() => {
+            if (c.height !== height) done(c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some((v) => v > 0));
+        }).observe(c);
+        c.style.height = '300px';
+    })";
+    assert_eq!(page.value(resized), true);
+    assert_eq!(page.complaints(), [""; 0]);
+}
+
 /// Pointing at the picture names what is there, and its numbers are those of the run.
 #[test]
 fn what_is_pointed_at_is_named_with_its_numbers() {

@@ -140,7 +140,10 @@ fn wrong_meshes_are_rejected_with_the_line() {
             "/s.toml: mesh.file = \"shape.obj\": line 3: an edge joins vertices 1 and 2 that lie at one place: a spring of zero current \
              length (mesh.weld = 0 joins such vertices)",
         ),
-        ("v 1e300 0 0\n", "/s.toml: particles.positions[0] = [inf, 0.0, 0.0]: must be finite"),
+        (
+            "v 1e300 0 0\n",
+            "/s.toml: mesh.file = \"shape.obj\": vertex 1 is at [inf, 0.0, 0.0] m: must be at most 1e150 in size",
+        ),
     ] {
         assert_eq!(build(obj, ", scale = 1e10").unwrap_err(), message);
     }

@@ -64,9 +64,9 @@ impl ErrorIndicators {
         }
         // Within their stability limit explicit methods swing by as much.
         if gained > exchanged {
-            warnings.push(format!(
-                "{gained:.2e} J of energy appeared from nowhere, where the motion exchanged {exchanged:.2e} J"
-            ));
+            let [gained, exchanged] = [gained, exchanged].map(|energy| significant(energy, 3));
+            warnings
+                .push(format!("{gained} J of energy appeared from nowhere, where the motion exchanged {exchanged} J"));
         }
         warnings
     }
@@ -100,7 +100,7 @@ mod tests {
         // Within five tolerances.
         assert!(of(Some(0.049)).warnings(Some(0.01)).is_empty() && of(Some(0.051)).warnings(Some(0.01)).len() == 1);
         let gaining = ErrorIndicators { gained: 1.1, ..of(None) };
-        let text = "1.10e0 J of energy appeared from nowhere, where the motion exchanged 1.00e0 J";
+        let text = "1.1 J of energy appeared from nowhere, where the motion exchanged 1 J";
         assert_eq!(gaining.warnings(None), [text]);
     }
 }

@@ -28,8 +28,9 @@ impl InspectionReport<'_> {
     /// One HTML page without scripts and without anything to load.
     pub fn html(&self, pictures: &Pictures) -> String {
         let &Self { scene, step, time, inspection, losses } = self;
-        let when = match step {
-            0 => "at the initial state".into(),
+        let when = match (step, time) {
+            (0, 0.0) => "at the initial state".into(),
+            (0, _) => format!("at t = {} s", pretty(time)),
             _ => format!("after {step} steps, t = {} s", pretty(time)),
         };
         let (dt, stiffness) = (pretty(inspection.dt), inspection.option.name());

@@ -27,10 +27,10 @@ impl InspectionReport<'_> {
             (0, _) => "singular to working precision",
             _ => "INDEFINITE",
         };
-        let at = if step > 0 {
-            format!(" after {}, t = {} s", count(step as usize, "step"), plain(time))
-        } else {
-            " at this state".into()
+        let at = match (step, time) {
+            (0, 0.0) => " at this state".into(),
+            (0, _) => format!(" at this state, t = {} s", plain(time)),
+            _ => format!(" after {}, t = {} s", count(step as usize, "step"), plain(time)),
         };
         if inertia.negative + inertia.zero + inertia.positive == 0 {
             return format!("{scene}{at}: no coordinate is free, so A has no rows, and there is nothing to inspect");

@@ -1,6 +1,6 @@
 //! Normal modes, mechanisms and load paths as what pages show.
 
-use super::{BALANCED, parts_remarks, ranges, self_stresses};
+use super::{BALANCED, all, parts_remarks, ranges, self_stresses};
 use crate::equilibrium::{CriticalLoad, Equilibrium, LoadPath, Stability};
 use crate::figure::{Animation, Axis, Guide, Plot, SceneTopology, Series, Track};
 use crate::mechanisms::Mechanisms;
@@ -58,7 +58,9 @@ pub fn mode_motions(scene: &str, at: &str, system: &System, found: &Modes) -> Mo
         facts.push(format!("By parts: {}.", remarks.join("; ")));
     }
     let mut warnings = Vec::new();
-    if found.complete {
+    if found.complete && found.counted_below == f64::INFINITY {
+        facts.push("No coordinate is free.".into());
+    } else if found.complete {
         let below = pretty(found.counted_below);
         let certainty =
             if found.proven { "A bound of all rounding errors proves it." } else { "It holds to rounding." };
@@ -98,8 +100,8 @@ pub fn mechanism_motions(scene: &str, found: &Mechanisms) -> Motions {
         "Small motions stretch no spring. Drawn large they are straight, and stretch springs that turn.".into(),
     ];
     match found.prestress_stable {
-        Some(true) => facts.push("Prestress stiffens all of them.".into()),
-        Some(false) => facts.push("Prestress does not stiffen all of them.".into()),
+        Some(true) => facts.push(format!("Prestress stiffens {}.", all(others))),
+        Some(false) => facts.push(format!("Prestress does not stiffen {}.", all(others))),
         None => {}
     }
     let mut warnings = Vec::new();

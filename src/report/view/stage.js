@@ -61,6 +61,12 @@ function stage(data, shown) {
     look();
   }
 
+  // A canvas of another size is blank: it is drawn on before it is shown.
+  function redraw() {
+    resize();
+    draw();
+  }
+
   // After a change of the view.
   function look() {
     stale = true;
@@ -105,8 +111,8 @@ function stage(data, shown) {
     });
   }
 
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", resize);
-  new ResizeObserver(resize).observe(canvas);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+  new ResizeObserver(redraw).observe(canvas);
   // Paper is white: the picture is drawn anew at once, since nothing is drawn while it prints.
   for (const [event, printing] of [["beforeprint", true], ["afterprint", false]]) {
     addEventListener(event, () => {

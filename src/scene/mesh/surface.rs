@@ -201,7 +201,8 @@ fn no_mesh(bytes: &[u8]) -> Fault {
     }
     let (length, expected) = (bytes.len(), HEADER as f64 + FACET as f64 * facets);
     let state = if (length as f64) < expected { "is truncated" } else { "goes on after its last facet" };
-    Fault(format!("{none}; as binary STL it {state}: {facets} facets need {expected} bytes, and it has {length}"))
+    let facets = if facets == 1.0 { "1 facet needs".into() } else { format!("{facets} facets need") };
+    Fault(format!("{none}; as binary STL it {state}: {facets} {expected} bytes, and it has {length}"))
 }
 
 /// Corners of STL facets; those at one place are one vertex.
@@ -248,18 +249,30 @@ pub fn read_binary_stl(bytes: &[u8]) -> Result<Raw, Fault> {
 pub fn read_text_stl(bytes: &[u8]) -> Result<Raw, Fault> {
     let mut cursor = Cursor::new(bytes);
     let mut corners = Corners::new("line");
+    let mut is_open = false;
     while let Some(word) = cursor.word() {
-        match word.to_ascii_lowercase().as_str() {
+        let word = word.to_ascii_lowercase();
+        match word.as_str() {
             // A name of any words, a normal or `loop` follows.
-            "solid" | "endsolid" | "facet" | "normal" | "outer" => _ = cursor.rest_of_line(),
+            "solid" | "endsolid" => {
+                is_open = word == "solid";
+                cursor.rest_of_line();
+            }
+            "facet" | "normal" | "outer" => _ = cursor.rest_of_line(),
             "vertex" => corners.add([cursor.number()?, cursor.number()?, cursor.number()?], cursor.line())?,
-            "endloop" => corners.end_face(cursor.line()),
+            "endloop" => match corners.face.len() {
+                3 => corners.end_face(cursor.line()),
+                count => return Err(cursor.fault(format_args!("a facet has 3 vertices, not {count}"))),
+            },
             "endfacet" => {}
             _ => return Err(cursor.fault(format_args!("{word:?} is no word of STL"))),
         }
     }
     if !corners.face.is_empty() {
         return Err(cursor.fault("the last facet does not end"));
+    }
+    if is_open {
+        return Err(cursor.fault("the file ends without endsolid"));
     }
     Ok(corners.raw)
 }

@@ -101,6 +101,7 @@ fn lengths_of_binary_stl_are_compared() {
     let none = "mesh: is no mesh: neither OBJ (no line begins with v), PLY, STL, VTK nor Gmsh MSH";
     for (facets, bytes, state) in [
         (2u32, 60, "; as binary STL it is truncated: 2 facets need 184 bytes, and it has 144"),
+        (1, 0, "; as binary STL it is truncated: 1 facet needs 134 bytes, and it has 84"),
         (2, 103, "; as binary STL it goes on after its last facet: 2 facets need 184 bytes, and it has 187"),
         (0, 0, "; as binary STL it is empty: it counts 0 facets"),
     ] {
@@ -162,6 +163,22 @@ fn facets_of_stl_share_corners() {
         assert_eq!((mesh.vertices.len(), mesh.edges.len(), mesh.triangles.len()), (4, 5, 2));
         assert_eq!(mesh.notes, [format!("mesh: 1 face or segment left out (in {place}, which names a vertex twice)")]);
     }
+}
+
+/// A facet is a triangle, and a file ends with `endsolid`.
+#[test]
+fn facets_of_stl_have_three_corners() {
+    let corners = ["vertex 0 0 0\n", "vertex 1 0 0\n", "vertex 0 1 0\n", "vertex 1 1 0\n"];
+    let facet =
+        |count: usize| format!("facet normal 0 0 1\nouter loop\n{}endloop\nendfacet\n", corners[..count].concat());
+    let file = |count: usize| format!("solid s\n{}{}endsolid s\n", facet(3), facet(count));
+    assert!(read(file(3)).is_ok() && read(file(3).repeat(2)).is_ok());
+    for (count, line) in [(0, 11), (2, 13), (4, 15)] {
+        let message = format!("mesh: line {line}: a facet has 3 vertices, not {count}");
+        assert_eq!(read(file(count)).unwrap_err(), message);
+    }
+    let truncated = format!("solid s\n{}", facet(3));
+    assert_eq!(read(truncated).unwrap_err(), "mesh: line 9: the file ends without endsolid");
 }
 
 #[test]

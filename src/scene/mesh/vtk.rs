@@ -25,7 +25,9 @@ impl Cells {
     /// Adds all to a mesh, by their types.
     pub fn add_typed(&self, raw: &mut Raw, types: &[f64]) -> Result<(), Fault> {
         if types.len() != self.ends.len() {
-            return Err(Fault(format!("has {} cells and {} types", self.ends.len(), types.len())));
+            let [cells, types] = [(self.ends.len(), "cell"), (types.len(), "type")]
+                .map(|(n, noun)| format!("{n} {noun}{}", if n == 1 { "" } else { "s" }));
+            return Err(Fault(format!("has {cells} and {types}")));
         }
         self.each()
             .zip(types)

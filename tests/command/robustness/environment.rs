@@ -122,6 +122,48 @@ fn folders_that_cannot_be_written_are_refused_before_anything_is_computed() {
     }
 }
 
+/// What has the name of a result and is none of its kind is found at once, whether the file is to be written, removed, or needed only after
+/// a failure.
+#[test]
+fn what_is_in_the_way_is_found_before_anything_is_computed() {
+    let sandbox = Sandbox::new();
+    scene(&sandbox, "cloth", "5");
+    let run = "run cloth.toml --dt 0.01 --steps 1 --frames 1";
+    let search = "run cloth.toml --duration 0.01 --accuracy 0.1 --frames 1";
+    let chart = "chart cloth.toml --dt 0.01 --budget 1";
+    let compare = "chart cloth.toml --dt 0.01 --budget 1 --definiteness";
+    let cases = [
+        ("trajectory.npz/", &[run, search][..]),
+        ("view.html/", &[run, search]),
+        ("frames.pvd/", &[run, search]),
+        ("frames", &[run, search]),
+        ("failure", &[run, search]),
+        ("chart", &[chart, compare]),
+    ];
+    for (k, (name, commands)) in cases.into_iter().enumerate() {
+        let folder = format!("o{k}");
+        let (inside, what) = if name.ends_with('/') { ("inside", "is a directory") } else { ("", "not a directory") };
+        let kept = name.trim_end_matches('/');
+        sandbox.put(&format!("{folder}/{name}{inside}"), "");
+        for command in commands {
+            let arguments: Vec<&str> = command.split(' ').chain(["--out", &folder]).collect();
+            let answer = sandbox.sprung(&arguments).ends_with(2);
+            assert_eq!(answer.stderr, format!("error: {folder}/{kept}: {what}\n"));
+            assert_eq!(sandbox.names(&folder), [kept], "{command}");
+        }
+    }
+}
+
+/// A scene whose name is too long for a folder leaves none.
+#[test]
+fn a_folder_that_cannot_be_made_leaves_none() {
+    let sandbox = Sandbox::new();
+    let name = "x".repeat(300);
+    sandbox.put("long.toml", &format!("name = '{name}'\nparticles = {{ positions = [[0]], masses = 1 }}"));
+    sandbox.sprung(&["run", "long.toml", "--dt", "1", "--steps", "1"]).ends_with(2).complains(&[&name]);
+    assert_eq!(sandbox.names("."), ["long.toml"]);
+}
+
 /// The child of a run that goes on until it is asked to stop.
 fn endless(sandbox: &Sandbox) -> std::process::Child {
     let arguments = ["run", "cloth.toml", "--dt", "1e-6", "--steps", "1000000000", "--frames", "100", "--out", "o"];

@@ -50,6 +50,12 @@ fn steps_must_be_countable() {
     }
     let endless = ["run", "spring.toml", "--dt", "1e308", "--steps", "100"];
     sandbox.sprung(&endless).ends_with(2).complains(&["duration = inf: must be finite"]);
+    // Where no step is given.
+    sandbox.put("free.toml", &SPRING.replace("dt =", "# dt ="));
+    for more in [&[][..], &["--accuracy", "0.1"]] {
+        let answer = sandbox.sprung(&[&["run", "free.toml", "--duration", "5e-324"], more].concat()).ends_with(2);
+        answer.complains(&["error: --duration = 5e-324: is too short to be divided into steps\n"]);
+    }
     let short = ["run", "spring.toml", "--dt", "1", "--duration", "1e-10", "--json"];
     let summary = sandbox.sprung(&short).ends_with(0).json();
     assert_eq!((&summary["steps"], &summary["time"]), (&1.into(), &1e-10.into()));
