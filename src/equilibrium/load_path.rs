@@ -8,13 +8,15 @@
 //!
 //! Where motions are free, as those of a slack net without a load, there is no path. It begins under the first load that gives them a direction.
 //!
-//! Behind a limit point the inertia may be what it was before. It is found by the distance between neighbours on the path, which does not shrink there.
+//! Behind a limit point the inertia may be what it was before. A step over it agrees with no tangents of the path, however short it is, so that halving
+//! steps that do not agree finds it.
 //!
 //! **Linear buckling** estimates the first critical load from a small one: the smallest λ at which `K_a + λ K_g` is singular, K_a the axial stiffness at
 //! rest and K_g the transverse terms of the tensions per unit of load. It neglects how shape and tensions change on the way.
 
-use super::{Equilibrium, EquilibriumOptions, Stability, equilibrium, loads};
+use super::{Equilibrium, EquilibriumOptions, SINGULAR, Stability, equilibrium, loads};
 use crate::assembly::SymmetricMatrix;
+use crate::eigen::Pencil;
 use crate::error::{Invalid, Result};
 use crate::integrate::Matrices;
 use crate::linear::{Ldlt, dot, norm};
@@ -22,6 +24,7 @@ use crate::operator::LinearOperator;
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use faer::Par;
+use nalgebra::Vector3;
 
 /// The kind of a critical load.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,8 +82,9 @@ const TOLERANCE: f64 = 1e-12;
 /// A jump is longer than this part of all coordinates together.
 const SMALL_JUMP: f64 = 1e-4;
 
-/// A step this many times longer than the tangent says may have jumped.
-const JUMP: f64 = 3.0;
+/// The part of a step that the mean of the tangents at its ends may leave over: as much as of an arc of 95°, or of a step that comes seven times nearer to a limit
+/// point.
+const TURN: f64 = 0.25;
 
 /// The equilibria of a system from no load to all of gravity and loads in `count` steps, each found from the one before, saddles included.
 ///
@@ -101,16 +105,14 @@ pub fn load_path(system: &System, state: &State, count: usize) -> Result<LoadPat
             if matches!(from.stability, Stability::None | Stability::NotConverged) {
                 return Ok(result);
             }
-            let to = path.at(target, &from.state)?;
-            // Motions that were free have a direction now: what hangs has fallen, and no equilibrium led there.
-            if to.inertia.zero < from.inertia.zero {
-                result.steps.push((target, to));
-                break;
-            }
-            let Some((critical, beyond, after)) = path.critical(&from, factor, &to, target)? else {
-                result.steps.push((target, to));
+            let (critical, (beyond, after)) = path.advance((factor, from), target)?;
+            let Some(critical) = critical else {
+                result.steps.push((beyond, after));
                 break;
             };
+            // Nearer to each other than they are located they are one: the last step before a limit point, which is steep there, and that over it.
+            let is_same = |before: &mut CriticalLoad| critical.factor - before.factor <= 2.0 * LOCATED;
+            let _ = result.critical.pop_if(is_same);
             result.critical.push(critical);
             // Just beyond a limit point little drives the search; under the load of the step it arrives.
             let (beyond, after) = match after.stability {
@@ -163,54 +165,83 @@ impl Path<'_> {
         Ok(matrices.k().scaled(-1.0))
     }
 
-    /// Whether a step is much longer than the tangents of the path at its ends say, so that it may have left the path. Near a limit point the tangent is long
-    /// before the jump and short behind it.
-    fn may_have_jumped(&self, from: &Equilibrium, to: &Equilibrium, change: f64) -> Result<bool> {
-        if to.stability == Stability::NotConverged {
-            return Ok(true);
+    /// The slope `dx/dλ = (−K)⁻¹ p` of the path on the free degrees of freedom; `None` where −K is singular. Free motions, along which no load acts, are
+    /// shifted off zero.
+    fn tangent(&self, at: &Equilibrium) -> Result<Option<Vec<f64>>> {
+        let mut a = self.stiffness(&at.state, Stiffness::Full)?;
+        if at.inertia.zero > 0 {
+            let norm = Pencil::of(&a).norm();
+            a.shift(SINGULAR * norm);
         }
-        let distance = self.distance(from, to);
-        if distance <= SMALL_JUMP * size(from) {
-            return Ok(false);
-        }
-        let mut shortest = f64::INFINITY;
-        for end in [from, to] {
-            let a = self.stiffness(&end.state, Stiffness::Full)?;
-            let tangent = a.ldlt().ok().and_then(|mut factored| factored.solve(&self.load).ok());
-            shortest = shortest.min(tangent.map_or(0.0, |tangent| norm(&tangent)));
-        }
-        Ok(distance > JUMP * change * shortest)
+        Ok(a.ldlt().ok().and_then(|mut factored| factored.solve(&self.load).ok()))
     }
 
-    /// The first critical load between two equilibria, with the first factor beyond it and the equilibrium there.
-    fn critical(
-        &self,
-        from: &Equilibrium,
-        factor: f64,
-        to: &Equilibrium,
-        target: f64,
-    ) -> Result<Option<(CriticalLoad, f64, Equilibrium)>> {
-        let changes = |from: &Equilibrium, to: &Equilibrium| to.inertia.negative != from.inertia.negative;
-        if !changes(from, to) && !self.may_have_jumped(from, to, target - factor)? {
-            return Ok(None);
+    /// Whether the path leads from one equilibrium to another: the inertia is the same, and the secant agrees with the tangents at both ends,
+    ///
+    /// ```text
+    /// |x₁ − x₀ − ½ (λ₁ − λ₀) (x₀' + x₁')| ≤ TURN |x₁ − x₀|.
+    /// ```
+    ///
+    /// On a smooth path what is left over the length falls with the square of the step, so that short enough steps agree. A step onto another branch does not
+    /// become shorter, and agrees with no tangents, however soft the scene is. Where there is no tangent the inertia alone tells.
+    fn leads(&self, [low, high]: [f64; 2], from: &Equilibrium, to: &Equilibrium) -> Result<bool> {
+        if to.stability == Stability::NotConverged {
+            return Ok(false);
         }
-        let (mut low, mut high) = ((factor, from.clone()), (target, to.clone()));
-        while high.0 - low.0 > LOCATED {
-            let middle = 0.5 * (low.0 + high.0);
-            let found = self.at(middle, &low.1.state)?;
-            let is_beyond = changes(&low.1, &found) || self.may_have_jumped(&low.1, &found, middle - low.0)?;
-            if is_beyond {
-                high = (middle, found);
-            } else {
-                low = (middle, found);
+        if to.inertia.negative != from.inertia.negative {
+            return Ok(false);
+        }
+        if self.distance(from, to) <= SMALL_JUMP * size(from) {
+            return Ok(true);
+        }
+        let (Some(before), Some(after)) = (self.tangent(from)?, self.tangent(to)?) else { return Ok(true) };
+        let moved: Vec<Vector3<f64>> =
+            to.state.positions.iter().zip(&from.state.positions).map(|(to, from)| to - from).collect();
+        let mut secant = vec![0.0; self.load.len()];
+        self.system.dofs().gather(&moved, &mut secant);
+        let along = before.iter().zip(&after).map(|(before, after)| 0.5 * (high - low) * (before + after));
+        let left: Vec<f64> = secant.iter().zip(along).map(|(secant, along)| secant - along).collect();
+        Ok(norm(&left) <= TURN * norm(&secant))
+    }
+
+    /// Follows the path from an equilibrium to a load, or to the first critical load before it: that load, and the factor that was reached with the
+    /// equilibrium there, beyond the critical load. Steps that do not lead on are halved.
+    fn advance(&self, start: (f64, Equilibrium), target: f64) -> Result<(Option<CriticalLoad>, (f64, Equilibrium))> {
+        let factor = start.0;
+        let last = self.at(target, &start.1.state)?;
+        // Motions that were free have a direction now: what hangs has fallen, and no equilibrium led there.
+        if last.inertia.zero < start.1.inertia.zero {
+            return Ok((None, (target, last)));
+        }
+        let mut ahead = vec![(target, last)];
+        let mut low = start;
+        while let Some((load, found)) = ahead.pop() {
+            if self.leads([low.0, load], &low.1, &found)? {
+                low = (load, found);
+                continue;
             }
+            if load - low.0 > LOCATED {
+                let middle = 0.5 * (low.0 + load);
+                ahead.push((load, found));
+                ahead.push((middle, self.at(middle, &low.1.state)?));
+                continue;
+            }
+            // It may have been found from farther away.
+            let high = (load, self.at(load, &low.1.state)?);
+            let changes = high.1.inertia.negative != low.1.inertia.negative;
+            let jumped = high.1.stability == Stability::NotConverged
+                || self.distance(&low.1, &high.1) > SMALL_JUMP * size(&low.1);
+            if changes || jumped {
+                return Ok((Some(self.critical(factor, low, high.0, jumped)?), high));
+            }
+            low = high;
         }
-        let jumped =
-            high.1.stability == Stability::NotConverged || self.distance(&low.1, &high.1) > SMALL_JUMP * size(&low.1);
-        if !jumped && !changes(&low.1, &high.1) {
-            return Ok(None);
-        }
-        let mut factor_found = 0.5 * (low.0 + high.0);
+        Ok((None, low))
+    }
+
+    /// The critical load just above an equilibrium and below another factor, on a path from a first factor.
+    fn critical(&self, factor: f64, low: (f64, Equilibrium), high: f64, jumped: bool) -> Result<CriticalLoad> {
+        let mut factor_found = 0.5 * (low.0 + high);
         let (mut value, mut direction) = self.softest(&low.1.state)?;
         let mut state = low.1.state;
         if !jumped {
@@ -222,7 +253,7 @@ impl Path<'_> {
                 let next = other - there * (other - factor_found) / (there - value);
                 let is_done = (next - other).abs() <= LOCATED;
                 (factor_found, value, state, direction) = (other, there, found, its);
-                if !(factor..=high.0).contains(&next) || is_done {
+                if !(factor..=high).contains(&next) || is_done {
                     break;
                 }
                 other = next;
@@ -230,7 +261,7 @@ impl Path<'_> {
         }
         let along = dot(&direction, &self.load).abs() / norm(&self.load);
         let kind = if jumped || along > 1e-3 { CriticalKind::LimitPoint } else { CriticalKind::Bifurcation };
-        Ok(Some((CriticalLoad { factor: factor_found, kind, direction, state }, high.0, high.1)))
+        Ok(CriticalLoad { factor: factor_found, kind, direction, state })
     }
 
     /// The eigenvalue of −K nearest to zero, in N/m, and its eigenvector, by inverse iteration.

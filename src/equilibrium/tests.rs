@@ -482,6 +482,66 @@ fn searches_do_not_creep_beyond_a_limit_point() {
     assert_eq!((*factor, last.stability, path.critical.len()), (1.0, Stability::Stable, 1));
 }
 
+/// A braced strip of soft springs that snaps onto another branch at a twelfth of its load, within a step of the path whose length suits the tangents: the
+/// critical load is found however long the steps are.
+#[test]
+fn steps_that_end_on_another_branch_hide_no_critical_load() {
+    let places = [
+        [-0.03, -0.01],
+        [0.99, -0.01],
+        [0.02, 1.25],
+        [1.03, 1.26],
+        [-0.01, 2.63],
+        [1.02, 2.57],
+        [0.05, 3.91],
+        [0.97, 3.9],
+    ];
+    let pairs = [
+        [0, 2],
+        [0, 3],
+        [1, 2],
+        [1, 3],
+        [2, 3],
+        [2, 4],
+        [2, 5],
+        [3, 4],
+        [3, 5],
+        [4, 5],
+        [4, 6],
+        [4, 7],
+        [5, 6],
+        [5, 7],
+        [6, 7],
+    ];
+    let stiffness = [1.3, 2.8, 2.0, 3.2, 1.8, 1.1, 3.2, 3.3, 1.1, 2.1, 2.1, 4.4, 2.6, 1.6, 4.1];
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    builder.gravity(0.0, -0.065, 0.0);
+    for [x, y] in places {
+        builder.particle([x, y, 0.0], 1.0);
+    }
+    for ([i, j], k) in pairs.into_iter().zip(stiffness) {
+        let [a, b]: [[f64; 2]; 2] = [places[i], places[j]];
+        builder.spring(i, j, spring(k, f64::hypot(a[0] - b[0], a[1] - b[1])));
+    }
+    builder.hold(0).hold(1);
+    let (system, state) = builder.build().unwrap();
+    let mut forces = vec![Vector3::zeros(); places.len()];
+    forces[6..].fill(Vector3::new(0.02, -0.71, 0.0));
+    let system = system.with_loads(Loads { forces, ..Loads::default() }).unwrap();
+    for count in [1, 5, 40, 60] {
+        let path = load_path(&system, &state, count).unwrap();
+        let first = &path.critical[0];
+        assert_eq!(first.kind, CriticalKind::LimitPoint, "{count}");
+        assert!((first.factor - 0.084_872_478).abs() < 1e-8, "{count}: {}", first.factor);
+        // On the branch from no load, and hardly stiff any more.
+        assert!(first.state.positions[6].y > 3.8, "{count}: {}", first.state.positions[6]);
+        let mut matrices = Matrices::new(&system).unwrap();
+        matrices.update(&first.state, Stiffness::Full).unwrap();
+        let lowest = (-nalgebra::DMatrix::from(&matrices.k().to_csc())).symmetric_eigenvalues().min();
+        assert!((0.0..1e-3).contains(&lowest), "{count}: {lowest}");
+    }
+}
+
 /// A slack chain has no state without a load, and what happens there is no critical load.
 #[test]
 fn a_path_of_a_slack_chain_begins_with_its_load() {
