@@ -156,7 +156,7 @@ fn the_other_commands_look_at_the_state_too() {
     let text = |more: &[&str]| sandbox.sprung(&[&["inspect", "triangle.toml"], more].concat()).ends_with(0).stdout;
     let (at, start) = (text(&["--at", "o/final.json"]), "falling triangle at this state: ");
     assert!(at.starts_with("falling triangle at this state, t = 0.0600 s: "), "{at}");
-    assert!(sandbox.read("out/falling-triangle/inspect.html").contains(" − K at t = 0.0600 s, "));
+    assert!(sandbox.read("out/falling-triangle/inspect.html").contains(" − K at t\u{a0}=\u{a0}0.0600\u{a0}s, "));
     assert!(text(&[]).starts_with(start));
     assert!(sandbox.read("out/falling-triangle/inspect.html").contains(" − K at the initial state, "));
     let further = inspect(&["--at", "o/final.json", "--steps", "2"]);
