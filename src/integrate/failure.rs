@@ -1,5 +1,6 @@
 //! The failure of a step, and the status of a run.
 
+use crate::error::significant;
 use crate::force::DegenerateSpring;
 use crate::linear::SolveFailure;
 use crate::system::{State, System};
@@ -43,7 +44,7 @@ pub enum StepFailure {
     #[error("the new positions or velocities are not finite")]
     NonFinite,
     /// The energy of the scene has grown by more than is possible.
-    #[error("{} J of energy appeared from nowhere; the motion had {exchanged:.3e} J to exchange until then", large(*gained, 3))]
+    #[error("{} J of energy appeared from nowhere; the motion had {} J to exchange until then", large(*gained), significant(*exchanged, 4))]
     Unstable {
         /// The growth, in J.
         gained: f64,
@@ -169,8 +170,8 @@ impl StepFailure {
 }
 
 /// A number in words that may have overflowed.
-fn large(value: f64, digits: usize) -> String {
-    if value.is_finite() { format!("{value:.digits$e}") } else { "more than 1e308".into() }
+fn large(value: f64) -> String {
+    if value.is_finite() { significant(value, 4) } else { "more than 1e308".into() }
 }
 
 #[cfg(test)]
@@ -188,10 +189,10 @@ mod tests {
             let expected = format!("Newton's method {text} after 7 iterations at a relative residual of 2.500e-1");
             assert_eq!(failure.to_string(), expected);
         }
-        for (gained, text) in [(12.5, "1.250e1"), (f64::INFINITY, "more than 1e308")] {
+        for (gained, text) in [(12.5, "12.5"), (f64::INFINITY, "more than 1e308")] {
             let failure = StepFailure::Unstable { gained, exchanged: 2.0 };
             let expected =
-                format!("{text} J of energy appeared from nowhere; the motion had 2.000e0 J to exchange until then");
+                format!("{text} J of energy appeared from nowhere; the motion had 2 J to exchange until then");
             assert_eq!(failure.to_string(), expected);
         }
     }
