@@ -82,8 +82,8 @@ const TOLERANCE: f64 = 1e-12;
 /// A jump is longer than this part of all coordinates together.
 const SMALL_JUMP: f64 = 1e-4;
 
-/// The part of a step that the mean of the tangents at its ends may leave over: as much as of an arc of 95°, or of a step that comes seven times nearer to a limit
-/// point.
+/// The part of a step that the mean of the tangents at its ends may leave over: as much as of an arc of 95°, or of a step that comes seven times nearer to a
+/// limit point.
 const TURN: f64 = 0.25;
 
 /// The equilibria of a system from no load to all of gravity and loads in `count` steps, each found from the one before, saddles included.

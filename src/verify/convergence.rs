@@ -50,6 +50,13 @@ impl ErrorCurve {
         (self.observed() - f64::from(self.order)).abs()
     }
 
+    /// The slopes are still on their way to the order.
+    pub(super) fn approaches(&self) -> bool {
+        let [.., before, last] = self.slopes()[..] else { return false };
+        let order = f64::from(self.order);
+        (last - order).abs() < (before - order).abs()
+    }
+
     /// The reason why the curve says nothing of the order, if there is one: errors do not fall with one power yet, or with a higher one
     /// than that of the leading term, which then vanishes.
     pub(super) fn unclear(&self) -> Option<String> {
@@ -185,6 +192,16 @@ mod tests {
         builder.velocities[bob].x = 1.0;
         builder.hold(anchor);
         case(builder, dt)
+    }
+
+    /// Errors of ½ h² + h³ and of a wrong gradient, h² + h/64: slopes come nearer to 2, and depart from it.
+    #[test]
+    fn slopes_approach_an_order_or_depart_from_it() {
+        let curve = |error: fn(f64) -> f64| {
+            let points = [1.0, 0.5, 0.25, 0.125].map(|h| (h, error(h))).to_vec();
+            ErrorCurve { method: String::new(), order: 2, points }
+        };
+        assert!(curve(|h| 0.5 * h * h + h * h * h).approaches() && !curve(|h| h * h + h / 64.0).approaches());
     }
 
     /// The acceleration is `(4 − 1/2)/2 − 3 = −5/4` m/s²; eight steps of 1/4 s are two seconds, and the finest ones sixteen times shorter.

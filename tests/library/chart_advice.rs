@@ -81,7 +81,7 @@ fn same_configuration(a: &Run, b: &Run) -> bool {
 }
 
 /// Whether, from this run on, each succeeded and erred more than everything finer; and there is something finer, or at least the
-/// next coarser one confirms it in the same way.
+/// next coarser one confirms it in the same way, or it is as right as the reference.
 fn can_be_relied_on(run: &Run, all: &[Run]) -> bool {
     let of_it: Vec<&Run> = all.iter().filter(|other| same_configuration(run, other)).collect();
     let error = |run: &Run| run.error.filter(|error| *error < 1.0);
@@ -97,7 +97,8 @@ fn can_be_relied_on(run: &Run, all: &[Run]) -> bool {
     };
     let coarser = of_it.iter().map(|run| run.dt).filter(|dt| *dt > run.dt).fold(f64::INFINITY, f64::min);
     let finest = of_it.iter().all(|other| other.dt >= run.dt);
-    falls_from(run.dt) && (!finest || (coarser.is_finite() && falls_from(coarser)))
+    let is_confirmed = !finest || (coarser.is_finite() && falls_from(coarser)) || run.error.is_some_and(|e| e <= FLOOR);
+    falls_from(run.dt) && is_confirmed
 }
 
 proptest! {

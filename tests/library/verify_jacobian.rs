@@ -257,13 +257,7 @@ fn everything() -> Vec<TestCase> {
     files.sort();
     let files = files.into_iter().filter(|file| file.extension().is_some_and(|end| end == "toml")).map(|file| {
         let (system, state) = Scene::load(&file).unwrap().build().unwrap();
-        TestCase {
-            name: file.file_stem().unwrap().to_string_lossy().into_owned(),
-            system,
-            state,
-            dt: 0.01,
-            loaded: None,
-        }
+        TestCase::new(file.file_stem().unwrap().to_string_lossy(), system, state, Some(0.01)).unwrap()
     });
     hard_states().unwrap().into_iter().chain(files).chain(ready).chain([crooked()]).collect()
 }
