@@ -179,11 +179,12 @@ impl Path<'_> {
     /// Whether the path leads from one equilibrium to another: the inertia is the same, and the secant agrees with the tangents at both ends,
     ///
     /// ```text
-    /// |x₁ − x₀ − ½ (λ₁ − λ₀) (x₀' + x₁')| ≤ TURN |x₁ − x₀|.
+    /// |x₁ − x₀ − ½ (λ₁ − λ₀) (x₀' + x₁')| ≤ TURN |x₁ − x₀|,      (λ₁ − λ₀) |x₁' − x₀'| ≤ |x₁ − x₀|.
     /// ```
     ///
-    /// On a smooth path what is left over the length falls with the square of the step, so that short enough steps agree. A step onto another branch does not
-    /// become shorter, and agrees with no tangents, however soft the scene is. Where there is no tangent the inertia alone tells.
+    /// On a smooth path what is left over the length falls with the square of the step, and the turn of the tangent with the step, so that short enough steps
+    /// agree. A step onto another branch does not become shorter, and agrees with no tangents, however soft the scene is: just below a limit point the
+    /// tangent alone may be as long as the jump, but turns by twice that. Where there is no tangent the inertia alone tells.
     fn leads(&self, [low, high]: [f64; 2], from: &Equilibrium, to: &Equilibrium) -> Result<bool> {
         if to.stability == Stability::NotConverged {
             return Ok(false);
@@ -201,7 +202,8 @@ impl Path<'_> {
         self.system.dofs().gather(&moved, &mut secant);
         let along = before.iter().zip(&after).map(|(before, after)| 0.5 * (high - low) * (before + after));
         let left: Vec<f64> = secant.iter().zip(along).map(|(secant, along)| secant - along).collect();
-        Ok(norm(&left) <= TURN * norm(&secant))
+        let turn: Vec<f64> = before.iter().zip(&after).map(|(before, after)| (high - low) * (after - before)).collect();
+        Ok(norm(&left) <= TURN * norm(&secant) && norm(&turn) <= norm(&secant))
     }
 
     /// Follows the path from an equilibrium to a load, or to the first critical load before it: that load, and the factor that was reached with the
@@ -209,8 +211,9 @@ impl Path<'_> {
     fn advance(&self, start: (f64, Equilibrium), target: f64) -> Result<(Option<CriticalLoad>, (f64, Equilibrium))> {
         let factor = start.0;
         let last = self.at(target, &start.1.state)?;
-        // Motions that were free have a direction now: what hangs has fallen, and no equilibrium led there.
-        if last.inertia.zero < start.1.inertia.zero {
+        // Motions that were free without a load have a direction now: what hangs has fallen, and no equilibrium led there. Under a load a motion without
+        // stiffness is a critical one.
+        if factor == 0.0 && last.inertia.zero < start.1.inertia.zero {
             return Ok((None, (target, last)));
         }
         let mut ahead = vec![(target, last)];

@@ -603,3 +603,26 @@ fn braced_column_bifurcates(k: f64) {
     assert!((path.linear_buckling.unwrap() - found).abs() < 0.02 * found, "{:?} {found}", path.linear_buckling);
     assert!(path.critical[0].direction[0].abs() > 0.9);
 }
+
+/// A truss of two bars whose steps of the load end at its limit point `2k (1 − (a/l0)^{2/3})^{3/2}` itself, where the tangent is as long as it likes.
+#[test]
+fn a_step_that_ends_at_a_limit_point_does_not_hide_it() {
+    for (height, count) in [(0.6, 2), (0.8, 4), (0.4, 2)] {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        for x in [[-1.0, 0.0, 0.0], [0.0, height, 0.0], [1.0, 0.0, 0.0]] {
+            builder.particle(x, 1.0);
+        }
+        let length = 1f64.hypot(height);
+        builder.spring(0, 1, spring(1000.0, length));
+        builder.spring(1, 2, spring(1000.0, length));
+        builder.hold(0).hold(2);
+        builder.constrain(Constraint { axes: Axes::of(&[0]), ..Constraint::hold([1]) });
+        let limit = 2000.0 * (1.0 - length.recip().powf(2.0 / 3.0)).powf(1.5);
+        let (system, state) = builder.build().unwrap();
+        let forces = vec![Vector3::zeros(), Vector3::new(0.0, -2.0 * limit, 0.0), Vector3::zeros()];
+        let system = system.with_loads(Loads { forces, ..Loads::default() }).unwrap();
+        let factors: Vec<f64> =
+            load_path(&system, &state, count).unwrap().critical.iter().map(|critical| critical.factor).collect();
+        assert!(factors.len() == 1 && (factors[0] - 0.5).abs() < 1e-8, "{height}: {factors:?}");
+    }
+}
