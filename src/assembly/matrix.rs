@@ -160,8 +160,7 @@ impl SymmetricMatrix {
         }
     }
 
-    /// The stored lower triangle as faer's sparse type, without a copy. Use it with `Side::Lower`;
-    /// `to_owned` makes faer's owning type of it.
+    /// The stored lower triangle as faer's sparse type, without a copy. Use it with `Side::Lower`; `to_owned` makes faer's owning type of it.
     pub fn as_faer(&self) -> SparseColMatRef<'_, u32, f64> {
         SparseColMatRef::new(self.pattern.symbolic(), &self.values)
     }

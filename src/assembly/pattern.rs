@@ -1,8 +1,8 @@
 //! The sparsity pattern of a symmetric matrix of particle blocks, and the slots of its blocks.
 //!
-//! Rows are numbered by particle, then axis. In the columns of particle j the lower triangle holds first the diagonal
-//! block's part, then the blocks of the coupled particles i > j in ascending order. Block (i, j) therefore starts at the
-//! same distance behind the diagonal part in each of j's columns: this one number is its slot.
+//! Rows are numbered by particle, then axis. In the columns of particle j the lower triangle holds first the diagonal block's part, then the blocks
+//! of the coupled particles i > j in ascending order. Block (i, j) therefore starts at the same distance behind the diagonal part in each of j's
+//! columns: this one number is its slot.
 
 use crate::error::{Invalid, Result};
 use crate::operator::group;
@@ -25,15 +25,13 @@ pub struct BlockSlot {
 pub struct BlockPattern {
     dofs: DofMap,
     symbolic: SymbolicSparseColMat<u32>,
-    /// Coupled particles below the diagonal: neighbours[starts[j]..starts[j + 1]] is ascending and above j, each with its
-    /// offset.
+    /// Coupled particles below the diagonal: neighbours[starts[j]..starts[j + 1]] is ascending and above j, each with its offset.
     starts: Vec<u32>,
     neighbours: Vec<(u32, u32)>,
 }
 
 impl BlockPattern {
-    /// The pattern with every particle's diagonal block and the blocks of the given pairs, in any order and
-    /// orientation, repeats allowed.
+    /// The pattern with every particle's diagonal block and the blocks of the given pairs, in any order and orientation, repeats allowed.
     ///
     /// # Errors
     /// A pair that names a particle out of range or joins one to itself; more entries than 32-bit indices can count.

@@ -1,8 +1,8 @@
 //! A system's M, G, K and A as assembled matrices: their pattern, the slot map, and the refill.
 //!
-//! The columns of a particle are contiguous values, to which every spring that ends in it adds. So each particle gathers
-//! from its own springs, in their order: no two particles write to one place, and every entry adds up in one order for any
-//! number of threads, at the price of computing each 3×3 block twice.
+//! The columns of a particle are contiguous values, to which every spring that ends in it adds. So each particle gathers from its own springs, in
+//! their order: no two particles write to one place, and every entry adds up in one order for any number of threads, at the price of computing each
+//! 3×3 block twice.
 
 use super::triplets::{BlockTriplet, MatrixEntry, assemble};
 use super::{BlockPattern, SymmetricMatrix};
@@ -146,8 +146,8 @@ impl SystemMatrix {
         matrix
     }
 
-    /// Recomputes all values from the operator's blocks, without sorting, searching or allocating; in parallel, with the
-    /// same bits for any number of threads.
+    /// Recomputes all values from the operator's blocks, without sorting, searching or allocating; in parallel, with the same bits for any number of
+    /// threads.
     pub fn refill(&mut self, operator: &SystemOperator) {
         Filling { springs: &self.springs, operator }.fill_all(&mut self.matrix.values);
     }
@@ -163,8 +163,7 @@ impl SystemMatrix {
     }
 }
 
-/// Assembles an operator from all block triplets, sorted and added up: slow and simple, and the reference for
-/// [`SystemMatrix::refill`], to the bit.
+/// Assembles an operator from all block triplets, sorted and added up: slow and simple, and the reference for [`SystemMatrix::refill`], to the bit.
 pub fn assemble_afresh(operator: &SystemOperator) -> Vec<MatrixEntry> {
     let system = operator.system();
     let mass = |p| BlockTriplet {
@@ -286,8 +285,8 @@ mod tests {
     use crate::system::{Axes, Constraint, Motion, State, SystemBuilder};
     use nalgebra::Vector3;
 
-    /// A crooked chain, long enough for several threads, with springs to the next and the third particle, some repeated, some
-    /// damped; some particles are held, or held along some axes.
+    /// A crooked chain, long enough for several threads, with springs to the next and the third particle, some repeated, some damped; some particles
+    /// are held, or held along some axes.
     fn chain(dimension: usize) -> (System, State) {
         const PARTICLES: usize = 2500;
         let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };

@@ -1,8 +1,8 @@
 //! Spring forces in vectorized batches.
 //!
 //! Three loops run over each batch: the first gathers positions, velocities and parameters, the second computes all tensions without a branch, so
-//! that square roots and divisions vectorize, and the third adds the forces to the ends in the order of the springs. The operations on each
-//! number are those for a single spring, so results do not depend on where batches begin.
+//! that square roots and divisions vectorize, and the third adds the forces to the ends in the order of the springs. The operations on each number
+//! are those for a single spring, so results do not depend on where batches begin.
 //!
 //! With `d = x_i − x_j` and `l = ‖d‖` the force on end i is
 //!

@@ -1,7 +1,7 @@
 //! Symbolic analysis and memory of a sparse factorization, whatever its kind.
 //!
-//! faer's supernodal algorithm is used for every size: it is the faster one from about a thousand rows on, below that
-//! both take microseconds, and the index of a failed pivot follows one convention only.
+//! faer's supernodal algorithm is used for every size: it is the faster one from about a thousand rows on, below that both take microseconds, and the
+//! index of a failed pivot follows one convention only.
 
 use super::ordering::{FactorSize, Ordering, OrderingEstimate, OrderingMethod};
 use super::substitution::{Substitution, Supernode, supernodes};
@@ -73,8 +73,8 @@ pub struct Analysis {
 }
 
 impl Analysis {
-    /// Checks that there is memory for ordering and analysis: at most 64 bytes for an entry or a row of the matrix, by
-    /// lowering the limit on memory until a run failed.
+    /// Checks that there is memory for ordering and analysis: at most 64 bytes for an entry or a row of the matrix, by lowering the limit on memory
+    /// until a run failed.
     pub(super) fn ensure_room(pattern: &BlockPattern) -> Result<()> {
         memory::ensure(64 * (pattern.entries() + pattern.order()) as u64, "the analysis of the matrix")
     }

@@ -1,13 +1,12 @@
 //! The choice of a solver: conjugate gradients with block Jacobi or multigrid, or a Cholesky factorization.
 //!
-//! The number of iterations is known only when they have been done, and the cost of a factorization only when the pattern
-//! has been analysed. So block Jacobi comes first and may spend on a matrix what the cheaper of the other two would cost,
-//! which is at most twice the better choice (the ski-rental argument). Then that one takes over, from the solution so
-//! far, and for the matrices that follow. Multigrid in turn may spend what a factorization would cost. Block Jacobi is
-//! tried again after [`FIRST_TRIAL`] matrices, and after twice as many each time that it has overspent.
+//! The number of iterations is known only when they have been done, and the cost of a factorization only when the pattern has been analysed. So block
+//! Jacobi comes first and may spend on a matrix what the cheaper of the other two would cost, which is at most twice the better choice (the
+//! ski-rental argument). Then that one takes over, from the solution so far, and for the matrices that follow. Multigrid in turn may spend what a
+//! factorization would cost. Block Jacobi is tried again after [`FIRST_TRIAL`] matrices, and after twice as many each time that it has overspent.
 //!
-//! The pattern is analysed when block Jacobi first overspends, or has spent [`ANALYSIS_SHARE`] times what an analysis costs
-//! at least. A factor takes memory only when it is chosen, and no more than half of what the process may hold.
+//! The pattern is analysed when block Jacobi first overspends, or has spent [`ANALYSIS_SHARE`] times what an analysis costs at least. A factor takes
+//! memory only when it is chosen, and no more than half of what the process may hold.
 //!
 //! Effort is [counted](CostModel), not timed: a repeated run makes the same choice, for any number of threads.
 
@@ -43,15 +42,15 @@ const HOPELESS: f64 = 10.0;
 /// Degrees of freedom beyond which nothing is analysed: ordering alone would take seconds.
 const LARGEST_ANALYSED: usize = 1_500_000;
 
-/// Factor operations per spring up to which a matrix that may be indefinite is factored: unlike conjugate gradients, a
-/// factorization proves definiteness.
+/// Factor operations per spring up to which a matrix that may be indefinite is factored: unlike conjugate gradients, a factorization proves
+/// definiteness.
 const WORTH_PROVING: f64 = 3e5;
 
 /// Degrees of freedom up to which `Auto` always factors: that takes about as long as a solve by conjugate gradients.
 const SMALL: usize = 60;
 
-/// Creates the solver. `Auto` factors what is small, or worth a proof of definiteness, and fits half of the memory;
-/// otherwise block Jacobi, multigrid or a factorization solves, at most at about twice the effort of the best of them.
+/// Creates the solver. `Auto` factors what is small, or worth a proof of definiteness, and fits half of the memory; otherwise block Jacobi, multigrid
+/// or a factorization solves, at most at about twice the effort of the best of them.
 ///
 /// # Errors
 /// When the matrix or its factor is too large.
@@ -491,8 +490,8 @@ mod tests {
         assert!(solver.preconditioner() == Some("block-jacobi") && work.cg_iterations >= 490, "{work:?}");
     }
 
-    /// Two pressed particles: their blocks are 20 − 15 across the spring and the matrix is 20 − 30 for ends that part, or the blocks are 1 − 15. Either way
-    /// the matrix is refused, by conjugate gradients and by a factorization.
+    /// Two pressed particles: their blocks are 20 − 15 across the spring and the matrix is 20 − 30 for ends that part, or the blocks are 1 − 15.
+    /// Either way the matrix is refused, by conjugate gradients and by a factorization.
     #[test]
     fn indefinite_matrices_are_refused() {
         let mut builder = SystemBuilder::new();

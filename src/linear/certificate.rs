@@ -1,7 +1,7 @@
 //! A rigorous bound on the rounding errors of a sparse factorization `L D Lᵀ` without pivoting.
 //!
-//! Elimination computes `l_ij d_j = a_ij − Σ_k l_ik d_k l_jk` by sums in some order, with or without fused operations. The computed L
-//! and D, as they are stored, therefore satisfy (Higham, Accuracy and Stability of Numerical Algorithms, 2002, lemma 8.4 and theorem 10.3)
+//! Elimination computes `l_ij d_j = a_ij − Σ_k l_ik d_k l_jk` by sums in some order, with or without fused operations. The computed L and D, as they
+//! are stored, therefore satisfy (Higham, Accuracy and Stability of Numerical Algorithms, 2002, lemma 8.4 and theorem 10.3)
 //!
 //! ```text
 //! A − L D Lᵀ = E,      |e_ij| ≤ γ_m Σ_k |l_ik| |d_k| |l_jk|,      γ_m = m u/(1 − m u),
@@ -13,8 +13,8 @@
 //! |xᵀ E x| ≤ ε xᵀ W x for every x,      ε = max_i γ_m (|L||D||Lᵀ| e)_i / w_i      (Collatz and Wielandt)
 //! ```
 //!
-//! so that by Weyl's theorem no eigenvalue of the pencil (A, W) is farther than ε from its like of (L D Lᵀ, W), whose signs are those
-//! of D. Counting pivots is then a proof about the stored matrix (Rump, BIT 46, 2006, for Cholesky factors). It takes two passes over L.
+//! so that by Weyl's theorem no eigenvalue of the pencil (A, W) is farther than ε from its like of (L D Lᵀ, W), whose signs are those of D. Counting
+//! pivots is then a proof about the stored matrix (Rump, BIT 46, 2006, for Cholesky factors). It takes two passes over L.
 
 use super::factorization::{FactorKind, Factorization};
 use super::substitution::supernodes;
@@ -22,18 +22,18 @@ use super::substitution::supernodes;
 /// u, the unit of rounding.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Roundings of one term `l_ik d_k l_jk` beside those of the sum: two products, the reciprocal of the pivot and the product with it for
-/// each factor, and the last division.
+/// Roundings of one term `l_ik d_k l_jk` beside those of the sum: two products, the reciprocal of the pivot and the product with it for each factor,
+/// and the last division.
 const OF_A_TERM: f64 = 8.0;
 
-/// Powers of two within which pivots and entries of L keep underflows harmless: one is at most `2^−1074 · 2^600` in a row sum, and all
-/// of them together are below `2^−300`.
+/// Powers of two within which pivots and entries of L keep underflows harmless: one is at most `2^−1074 · 2^600` in a row sum, and all of them
+/// together are below `2^−300`.
 const LARGEST: f64 = 1e120;
 const UNDERFLOWS: f64 = 1e-90;
 
 impl<K: FactorKind> Factorization<K> {
-    /// ε for the last factored matrix and its `L D Lᵀ` without pivoting, W the identity where there are no weights. Infinite where the
-    /// factor is not finite.
+    /// ε for the last factored matrix and its `L D Lᵀ` without pivoting, W the identity where there are no weights. Infinite where the factor is not
+    /// finite.
     pub(crate) fn rounding_bound(&self, weights: Option<&[f64]>) -> f64 {
         let n = self.analysis.symbolic.nrows();
         let (mut sums, mut terms, mut is_sound) = (vec![0.0; n], vec![0.0; n], true);
@@ -118,8 +118,8 @@ mod tests {
         DMatrix::from_fn(n, n, |i, j| rest[i * n + j].iter().sum())
     }
 
-    /// The bound holds for definite and indefinite matrices, graded ones and ones with tiny pivots, with weights and without; where pivots
-    /// are of the size of the matrix it is less than a hundred times the error for thirty rows.
+    /// The bound holds for definite and indefinite matrices, graded ones and ones with tiny pivots, with weights and without; where pivots are of the
+    /// size of the matrix it is less than a hundred times the error for thirty rows.
     #[test]
     fn bounds_are_above_the_error_in_twice_the_precision() {
         let graded = |row: usize| 10f64.powi(-(row as i32 % 7));
@@ -153,8 +153,8 @@ mod tests {
         }
     }
 
-    /// By hand: `[4 4; 4 4½]` has an entry of 1 in L and pivots of 4 and ½, so that `|L||D||Lᵀ|e` is (8, 8½), or backwards one of 8/9 and pivots
-    /// of 4½ and 4/9, and (8½, 8). The row below has one entry of L more, which decides.
+    /// By hand: `[4 4; 4 4½]` has an entry of 1 in L and pivots of 4 and ½, so that `|L||D||Lᵀ|e` is (8, 8½), or backwards one of 8/9 and pivots of
+    /// 4½ and 4/9, and (8½, 8). The row below has one entry of L more, which decides.
     #[test]
     fn the_bound_of_two_rows_by_hand() {
         let entry = |row: usize, column: usize| match (row.min(column), row.max(column)) {

@@ -1,12 +1,11 @@
 //! The preconditioned conjugate gradient method.
 //!
-//! For symmetric positive definite A (Hestenes and Stiefel 1952; notation of Shewchuk 1994):
-//! `α = rᵀz/pᵀAp`, `x += α p`, `r −= α A p`, `z = P⁻¹ r`, `β = rᵀz/(rᵀz)_old`, `p = z + β p`.
-//! The recurrence's r drifts away from `b − A x`. When it has converged the true residual is computed; if that is still too
-//! large, the iteration restarts from it, as long as every restart at least halves it.
+//! For symmetric positive definite A (Hestenes and Stiefel 1952; notation of Shewchuk 1994): `α = rᵀz/pᵀAp`, `x += α p`, `r −= α A p`, `z = P⁻¹ r`,
+//! `β = rᵀz/(rᵀz)_old`, `p = z + β p`. The recurrence's r drifts away from `b − A x`. When it has converged the true residual is computed; if that is
+//! still too large, the iteration restarts from it, as long as every restart at least halves it.
 //!
-//! A right-hand side so small or large that `pᵀAp` would under- or overflow (a motion at rest but for 10⁻¹⁶⁰ m/s) is
-//! multiplied by a power of two first, and the solution divided by it: the same iteration, digit by digit.
+//! A right-hand side so small or large that `pᵀAp` would under- or overflow (a motion at rest but for 10⁻¹⁶⁰ m/s) is multiplied by a power of two
+//! first, and the solution divided by it: the same iteration, digit by digit.
 
 use super::preconditioner::Preconditioner;
 use super::vector::{advance, descend, dot, norm, scaling, subtract};
@@ -18,8 +17,7 @@ use crate::operator::LinearOperator;
 pub enum CgOutcome {
     /// The true residual is within the tolerance.
     Converged,
-    /// A direction p with `pᵀAp ≤ 0` was met, so A is not positive definite; it is in
-    /// [`ConjugateGradient::direction`].
+    /// A direction p with `pᵀAp ≤ 0` was met, so A is not positive definite; it is in [`ConjugateGradient::direction`].
     NegativeCurvature {
         /// `pᵀAp`.
         curvature: f64,
@@ -264,8 +262,8 @@ mod tests {
         assert_eq!(solve(&a, &[1.0, 1.0], 0.49, None).iterations, 2);
     }
 
-    /// A = 2, b = 1, but the product with the first direction is too large by a factor: the true residual after the first
-    /// iteration is one minus the factor's inverse. A half goes on, three quarters stagnate.
+    /// A = 2, b = 1, but the product with the first direction is too large by a factor: the true residual after the first iteration is one minus the
+    /// factor's inverse. A half goes on, three quarters stagnate.
     #[test]
     fn restarts_go_on_while_they_halve_the_true_residual() {
         let wrong = |factor: f64| {
@@ -277,8 +275,8 @@ mod tests {
         assert_eq!((less.outcome, less.iterations, less.relative_residual), (CgOutcome::Stagnated, 1, 0.75));
     }
 
-    /// With a tolerance that is the true residual after k iterations, k iterations are enough, whatever rounding does to the
-    /// recurrence: its residual may be a little above the target when the true one is on it. ‖b‖ = 1, so the target is the tolerance.
+    /// With a tolerance that is the true residual after k iterations, k iterations are enough, whatever rounding does to the recurrence: its residual
+    /// may be a little above the target when the true one is on it. ‖b‖ = 1, so the target is the tolerance.
     #[test]
     fn the_true_residual_decides_at_the_limit() {
         let chain = |w: &[f64], y: &mut [f64]| {
@@ -309,8 +307,8 @@ mod tests {
         assert_eq!(method.direction(), [0.0, 3.0]);
     }
 
-    /// The same iteration, digit by digit, whatever the size of the right-hand side: products of two numbers of 10⁻¹⁶⁰ or 10¹⁶⁰ would
-    /// vanish or overflow, and a curvature of zero look like an indefinite matrix.
+    /// The same iteration, digit by digit, whatever the size of the right-hand side: products of two numbers of 10⁻¹⁶⁰ or 10¹⁶⁰ would vanish or
+    /// overflow, and a curvature of zero look like an indefinite matrix.
     #[test]
     fn the_size_of_the_right_hand_side_does_not_matter() {
         let a = Products(3, |w: &[f64], y: &mut [f64]| {

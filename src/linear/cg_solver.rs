@@ -1,14 +1,14 @@
 //! Conjugate gradients as the solver of a time step, and first guesses from earlier solutions.
 //!
-//! Motion is smooth, so the solution of a step lies near the span of the last two. The point of that span nearest to the
-//! solution in the energy norm `‖e‖_A`, in which conjugate gradients measure, is `x = Σ α_i δx_i` with
+//! Motion is smooth, so the solution of a step lies near the span of the last two. The point of that span nearest to the solution in the energy norm
+//! `‖e‖_A`, in which conjugate gradients measure, is `x = Σ α_i δx_i` with
 //!
 //! ```text
 //! Σ_j (δx_iᵀ A δx_j) α_j = δx_iᵀ b
 //! ```
 //!
-//! for the A and b at hand (Fischer 1998, "Projection techniques for iterative solution of Ax = b with successive right-hand
-//! sides"). It is never farther from the solution than zero, and costs two products with A.
+//! for the A and b at hand (Fischer 1998, "Projection techniques for iterative solution of Ax = b with successive right-hand sides"). It is never
+//! farther from the solution than zero, and costs two products with A.
 
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
 use super::options::PreconditionerKind;
@@ -376,8 +376,8 @@ mod tests {
         known.then_some(x)
     }
 
-    /// The nearest point of the span of two solutions, by hand: with A a multiple of the identity, the projection of b/a. It
-    /// does not depend on the unit of A.
+    /// The nearest point of the span of two solutions, by hand: with A a multiple of the identity, the projection of b/a. It does not depend on the
+    /// unit of A.
     #[test]
     fn two_solutions_span_a_plane_in_any_unit() {
         for unit in [2f64.powi(-30), 1.0, 2f64.powi(30)] {

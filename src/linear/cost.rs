@@ -1,8 +1,8 @@
 //! Work counted in force evaluations of the system at hand, for choosing and for reporting.
 //!
-//! Counts give the same choice whenever a run is repeated, and for any number of threads. The constants are ns a spring, a
-//! coordinate, an entry of the factor or an operation, of which only ratios are used: medians over cloths, lattices and
-//! networks of 10² to 10⁵ particles on one core. They need to be right within a factor of two only.
+//! Counts give the same choice whenever a run is repeated, and for any number of threads. The constants are ns a spring, a coordinate, an entry of
+//! the factor or an operation, of which only ratios are used: medians over cloths, lattices and networks of 10² to 10⁵ particles on one core. They
+//! need to be right within a factor of two only.
 
 use super::options::PreconditionerKind;
 use super::ordering::{FactorSize, OrderingMethod};

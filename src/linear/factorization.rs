@@ -1,7 +1,7 @@
 //! Sparse factorizations `A = L B Lᵀ` by faer: analysed once, refactored for every matrix.
 //!
-//! The [kinds](FactorKind) differ in B and in the choice of pivots. Single right-hand sides are solved by
-//! `linear/substitution.rs`, several at once by faer.
+//! The [kinds](FactorKind) differ in B and in the choice of pivots. Single right-hand sides are solved by `linear/substitution.rs`, several at once
+//! by faer.
 
 use super::analysis::{Analysis, FactorReport, NonPositivePivot, SOLVE_COLUMNS};
 use super::ordering::{FactorSize, OrderingEstimate};
@@ -55,8 +55,8 @@ pub struct Factorization<K> {
 /// Sparse Cholesky factorization `A = L Lᵀ`: exists if and only if A is positive definite (to rounding).
 pub type Cholesky = Factorization<Llt>;
 
-/// Sparse factorization `A = L D Lᵀ` without pivoting: D may have either sign, so A may be indefinite, but then nothing
-/// keeps the rounding errors small. Check the residual.
+/// Sparse factorization `A = L D Lᵀ` without pivoting: D may have either sign, so A may be indefinite, but then nothing keeps the rounding errors
+/// small. Check the residual.
 pub type Ldlt = Factorization<Ldl>;
 
 /// B and the choice of pivots: [`Llt`], [`Ldl`] or [`BunchKaufman`](super::BunchKaufman).
@@ -139,8 +139,8 @@ impl<K: FactorKind> Factorization<K> {
         Self { analysis, kind }
     }
 
-    /// As [`analyse`](Self::analyse), from an estimate and without memory for the factor, which must be
-    /// [allocated](Self::allocate) before anything is factored.
+    /// As [`analyse`](Self::analyse), from an estimate and without memory for the factor, which must be [allocated](Self::allocate) before anything
+    /// is factored.
     pub(super) fn plan(pattern: &BlockPattern, estimate: OrderingEstimate, par: Par) -> Result<Self> {
         Ok(Self::with_analysis(Analysis::new(pattern, estimate, par)?))
     }
@@ -305,8 +305,7 @@ impl Factorization<Ldl> {
         columns.map(|(s, c)| (self.analysis.row(s.first + c), self.analysis.values[s.diagonal(c)]))
     }
 
-    /// Rows and columns of the stored entries of L below its diagonal, the zeros inside supernodes included, numbered in
-    /// the order of elimination.
+    /// Rows and columns of the stored entries of L below its diagonal, the zeros inside supernodes included, numbered in the order of elimination.
     pub fn pattern(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         supernodes(&self.analysis.symbolic).flat_map(|s| {
             (0..s.columns).flat_map(move |c| {
@@ -317,14 +316,13 @@ impl Factorization<Ldl> {
         })
     }
 
-    /// Whether all pivots of the last factored matrix are positive: the matrix is then positive definite to rounding,
-    /// with the Cholesky factor `L√D`.
+    /// Whether all pivots of the last factored matrix are positive: the matrix is then positive definite to rounding, with the Cholesky factor `L√D`.
     pub fn is_positive(&self) -> bool {
         self.pivots().all(|(_, d)| d > 0.0)
     }
 
-    /// A direction of negative curvature of the last factored matrix: `u = L⁻ᵀ e_j/d_j`, for which `uᵀAu = 1/d_j`, with j
-    /// the most negative pivot. Returns whether there is one that fits the length of u; not normalised.
+    /// A direction of negative curvature of the last factored matrix: `u = L⁻ᵀ e_j/d_j`, for which `uᵀAu = 1/d_j`, with j the most negative pivot.
+    /// Returns whether there is one that fits the length of u; not normalised.
     pub fn negative_direction(&mut self, u: &mut [f64]) -> bool {
         let Self { analysis, .. } = self;
         if u.len() != analysis.symbolic.nrows() {
@@ -372,8 +370,8 @@ mod tests {
         product.iter().zip(u).map(|(a, u)| a * u).sum()
     }
 
-    /// The pattern of L holds that of A in the order of elimination and what elimination fills in, all below the diagonal and each entry
-    /// once; the operations are the squares of its columns' heights.
+    /// The pattern of L holds that of A in the order of elimination and what elimination fills in, all below the diagonal and each entry once; the
+    /// operations are the squares of its columns' heights.
     #[test]
     fn the_pattern_of_the_factor_is_closed_under_elimination() {
         for particles in [1, 3, 40] {

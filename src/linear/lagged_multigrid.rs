@@ -1,8 +1,8 @@
 //! Multigrid whose coarse levels lag behind the matrix as long as that pays.
 //!
-//! The finest level always has the current matrix. The coarse levels are recomputed when the iterations that their age has
-//! cost add up to the cost of recomputing them, which is at most twice the work of the best choice (the ski-rental
-//! argument). All is counted in iterations, not seconds, so that runs are repeatable.
+//! The finest level always has the current matrix. The coarse levels are recomputed when the iterations that their age has cost add up to the cost of
+//! recomputing them, which is at most twice the work of the best choice (the ski-rental argument). All is counted in iterations, not seconds, so that
+//! runs are repeatable.
 
 use super::outcome::{Evidence, SolveFailure};
 use crate::error::Result;
@@ -12,8 +12,8 @@ use crate::system::System;
 use crate::work::Work;
 use nalgebra::Vector3;
 
-/// Iterations that recomputing the coarse levels costs; 10 to 12 by `cargo bench --bench multigrid`, less a margin for
-/// motions that go on ageing them.
+/// Iterations that recomputing the coarse levels costs; 10 to 12 by `cargo bench --bench multigrid`, less a margin for motions that go on ageing
+/// them.
 const REBUILD: f64 = 8.0;
 
 /// State of the coarse levels.

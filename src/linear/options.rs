@@ -8,8 +8,7 @@ use faer::Par;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum SolverChoice {
-    /// By size, the [guarantee](DefinitenessGuarantee) of the stiffness option and counted effort, see
-    /// [`select`](super::select).
+    /// By size, the [guarantee](DefinitenessGuarantee) of the stiffness option and counted effort, see [`select`](super::select).
     Auto,
     /// Sparse Cholesky.
     Llt,
@@ -71,8 +70,7 @@ impl PreconditionerKind {
 pub enum Tolerance {
     /// `‖b − A x‖ ≤ tolerance·‖b‖`.
     Fixed(f64),
-    /// A ten-thousandth of the error in time of a step, but at least [`STRICT`](Self::STRICT), which is used where a
-    /// stepper has no error estimate.
+    /// A ten-thousandth of the error in time of a step, but at least [`STRICT`](Self::STRICT), which is used where a stepper has no error estimate.
     Adaptive,
 }
 

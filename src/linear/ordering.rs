@@ -1,15 +1,13 @@
 //! Fill-reducing orderings, computed on the graph of particles.
 //!
-//! The degrees of freedom of a particle have the same neighbours, so ordering particles and expanding them by their free
-//! axes gives the fill of ordering scalars at a ninth of the entries. There are two methods: approximate minimum degree
-//! (Amestoy, Davis and Duff 1996), the better one for cloths, and nested dissection by multilevel bisection (George 1973;
-//! Karypis and Kumar 1998), which lattices need. The elimination tree and the exact column counts of either (Liu 1990)
-//! give its cost; the cheaper one is put into postorder, so that columns of one structure are neighbours.
+//! The degrees of freedom of a particle have the same neighbours, so ordering particles and expanding them by their free axes gives the fill of
+//! ordering scalars at a ninth of the entries. There are two methods: approximate minimum degree (Amestoy, Davis and Duff 1996), the better one for
+//! cloths, and nested dissection by multilevel bisection (George 1973; Karypis and Kumar 1998), which lattices need. The elimination tree and the
+//! exact column counts of either (Liu 1990) give its cost; the cheaper one is put into postorder, so that columns of one structure are neighbours.
 //!
-//! A dissection takes ten to twenty times as long as a minimum degree and never pays for surfaces, so it is tried only
-//! where a minimum degree costs more than for surfaces. Eliminating separators of `c √n` vertices of w rows each takes
-//! `c³ w³ n^(3/2)` operations, with c³ below a hundred where a cloth is joined up to the second neighbour; volumes, whose
-//! separators have about n^(2/3) vertices, take more.
+//! A dissection takes ten to twenty times as long as a minimum degree and never pays for surfaces, so it is tried only where a minimum degree costs
+//! more than for surfaces. Eliminating separators of `c √n` vertices of w rows each takes `c³ w³ n^(3/2)` operations, with c³ below a hundred where a
+//! cloth is joined up to the second neighbour; volumes, whose separators have about n^(2/3) vertices, take more.
 
 use crate::assembly::BlockPattern;
 use crate::operator::group;
@@ -20,12 +18,11 @@ use std::time::{Duration, Instant};
 /// Operations from which a nested dissection is tried: a smaller factorization takes less time than the dissection.
 const DISSECTION_FLOPS: f64 = 1e8;
 
-/// c³ above which a factorization costs more than a surface's: cloths of 24² to 1000² particles have 37 to 109, slabs of
-/// three layers 160.
+/// c³ above which a factorization costs more than a surface's: cloths of 24² to 1000² particles have 37 to 109, slabs of three layers 160.
 const SURFACE_COST: f64 = 130.0;
 
-/// Upper bound of the exponent by which dissection saves operations, `n^0.22`, measured on lattices of 10³ to 60³ (1.7 to
-/// 14.1 times fewer) and networks of 3000 to 10⁵ particles (1.8 to 3.5 times).
+/// Upper bound of the exponent by which dissection saves operations, `n^0.22`, measured on lattices of 10³ to 60³ (1.7 to 14.1 times fewer) and
+/// networks of 3000 to 10⁵ particles (1.8 to 3.5 times).
 const DISSECTION_GAIN: f64 = 0.22;
 
 /// The method that found an ordering.
@@ -62,8 +59,8 @@ pub(super) struct Ordering {
     pub inverse: Vec<u32>,
 }
 
-/// A lower bound of the cost of a factorization from a minimum degree ordering, exact for surfaces: it takes a sixth to a
-/// ninth of an analysis with a dissection.
+/// A lower bound of the cost of a factorization from a minimum degree ordering, exact for surfaces: it takes a sixth to a ninth of an analysis with a
+/// dissection.
 pub(super) struct OrderingEstimate {
     graph: ParticleGraph,
     method: OrderingMethod,

@@ -13,8 +13,7 @@ use nalgebra::Vector3;
 
 /// A preconditioner of the caller's, for [`CgSolver::with_preconditioner`](super::CgSolver::with_preconditioner).
 ///
-/// It must be symmetric and positive definite; otherwise conjugate gradients stagnate, or report negative curvature that
-/// A does not have.
+/// It must be symmetric and positive definite; otherwise conjugate gradients stagnate, or report negative curvature that A does not have.
 pub trait CustomPreconditioner: std::fmt::Debug + Send {
     /// Its name in summaries.
     fn name(&self) -> &'static str;

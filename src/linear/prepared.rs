@@ -1,8 +1,8 @@
 //! Solvers that hold a matrix, enforced by types.
 //!
-//! A solver is updated for a matrix once and solves with it many times, and most solvers read the matrix again in every
-//! solve. So a solve takes a [`PreparedMatrix`], which only a [`Prepared`] solver has: as long as that lives the matrix
-//! cannot change. [`MatrixAndSolver`] owns both; its matrix can only be changed by preparing again.
+//! A solver is updated for a matrix once and solves with it many times, and most solvers read the matrix again in every solve. So a solve takes a
+//! [`PreparedMatrix`], which only a [`Prepared`] solver has: as long as that lives the matrix cannot change. [`MatrixAndSolver`] owns both; its
+//! matrix can only be changed by preparing again.
 
 use super::outcome::{Definiteness, Solution, SolveFailure};
 use super::{FactorReport, LinearSolver};

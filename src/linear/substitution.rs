@@ -5,9 +5,9 @@
 //! back, in reverse order:      w = (b_top, b_below),   b_top = L_top⁻ᵀ (w_top − L_belowᵀ w_below)
 //! ```
 //!
-//! A solve reads all of L twice for two operations a number, so it takes the time of reading L. Four columns are read side
-//! by side (Ng and Peyton, SIAM J. Sci. Comput. 14, 1993), acting on w, which is short, and memory is prefetched, as the
-//! processor's own prefetching starts anew in every short column.
+//! A solve reads all of L twice for two operations a number, so it takes the time of reading L. Four columns are read side by side (Ng and Peyton,
+//! SIAM J. Sci. Comput. 14, 1993), acting on w, which is short, and memory is prefetched, as the processor's own prefetching starts anew in every
+//! short column.
 //!
 //! Every sum is taken in one order, whatever the processor and the number of threads.
 
@@ -267,8 +267,8 @@ impl<'v, const N: usize> Columns<'v, N> {
         }
     }
 
-    /// Prefetches `ahead` numbers from the start, a line for every column and eight rows: after all rows this covers
-    /// as much memory as the columns hold.
+    /// Prefetches `ahead` numbers from the start, a line for every column and eight rows: after all rows this covers as much memory as the columns
+    /// hold.
     #[inline(always)]
     fn prefetch(&self, eight: usize, ahead: usize) {
         for n in 0..N {

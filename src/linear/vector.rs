@@ -1,5 +1,5 @@
-//! Norms, error measures and the fused vector operations of conjugate gradients: parallel, and the same to the bit for
-//! any number of threads, as [inner products](crate::operator::dot) are.
+//! Norms, error measures and the fused vector operations of conjugate gradients: parallel, and the same to the bit for any number of threads, as
+//! [inner products](crate::operator::dot) are.
 
 pub use crate::operator::dot;
 use crate::operator::inner_product::{PIECE, SERIAL, both, dot_piece, middle};
@@ -16,8 +16,8 @@ fn max_norm(a: &[f64]) -> f64 {
     a.iter().fold(0.0, |largest, &value| if value.abs() <= largest { largest } else { value.abs() })
 }
 
-/// The normwise backward error `‖r‖/(‖A‖‖x‖ + ‖b‖)` in the maximum norm (Rigal and Gaches 1967): the smallest relative
-/// change of A and b that makes x exact. Zero when everything is zero.
+/// The normwise backward error `‖r‖/(‖A‖‖x‖ + ‖b‖)` in the maximum norm (Rigal and Gaches 1967): the smallest relative change of A and b that makes x
+/// exact. Zero when everything is zero.
 ///
 /// # Examples
 /// ```
@@ -32,8 +32,8 @@ pub fn backward_error(residual: &[f64], matrix_norm: f64, x: &[f64], b: &[f64]) 
     if residual == 0.0 { 0.0 } else { residual / (matrix_norm * max_norm(x) + max_norm(b)) }
 }
 
-/// The power of two that scales a right-hand side before `A x = b` is solved, so that no product under- or overflows:
-/// 1 for norms between 1e-100 and 1e100, otherwise one that makes the largest entry about 1. Powers of two round nothing.
+/// The power of two that scales a right-hand side before `A x = b` is solved, so that no product under- or overflows: 1 for norms between 1e-100 and
+/// 1e100, otherwise one that makes the largest entry about 1. Powers of two round nothing.
 pub(super) fn scaling(b: &[f64]) -> f64 {
     if (1e-100..1e100).contains(&norm(b)) {
         return 1.0;

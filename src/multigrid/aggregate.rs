@@ -1,7 +1,8 @@
 //! Graphs of coupled nodes, and the aggregation of nodes for the next coarser level.
 //!
-//! Algorithm 5.1 of Vaněk, Mandel and Brezina (1996), on the graph of couplings alone, once a scene. An edge of weight w_ij is strong where `w_ij² ≥ θ² w_i w_j`, w_i the largest weight at i. The weights are
-//! those of the springs, k/l0, on the finest level and their sums over the edges between two aggregates on the others.
+//! Algorithm 5.1 of Vaněk, Mandel and Brezina (1996), on the graph of couplings alone, once a scene. An edge of weight w_ij is strong where
+//! `w_ij² ≥ θ² w_i w_j`, w_i the largest weight at i. The weights are those of the springs, k/l0, on the finest level and their sums over the edges
+//! between two aggregates on the others.
 
 use crate::operator::group;
 
@@ -142,8 +143,8 @@ mod tests {
         (aggregates.count(), (0..nodes).map(|node| aggregates.of_node(node)).collect())
     }
 
-    /// Two stiff pairs with a soft edge of weight 3 between them: 3² against θ² = 10⁻⁴ times the product of their weights, which is
-    /// 8 and 10. Where it is strong the first neighbourhood has three nodes, and the fourth joins it.
+    /// Two stiff pairs with a soft edge of weight 3 between them: 3² against θ² = 10⁻⁴ times the product of their weights, which is 8 and 10. Where
+    /// it is strong the first neighbourhood has three nodes, and the fourth joins it.
     #[test]
     fn an_edge_is_strong_beside_the_largest_at_both_ends() {
         let pairs = |first, second| aggregates(4, &[(0, 1, first), (0, 2, 3.0), (2, 3, second)]);
@@ -153,8 +154,8 @@ mod tests {
         assert_eq!(pairs(100.0, 1000.0), (2, apart.to_vec()));
     }
 
-    /// Two stiff chains of three; weak edges lead to nodes 6 to 9: 6 and 7 become an aggregate, 8 joins its stiffest
-    /// neighbour, and 9 the first of two. Node 10 has no neighbours.
+    /// Two stiff chains of three; weak edges lead to nodes 6 to 9: 6 and 7 become an aggregate, 8 joins its stiffest neighbour, and 9 the first of
+    /// two. Node 10 has no neighbours.
     #[test]
     fn what_is_far_from_every_neighbourhood_is_aggregated_last() {
         let stiff = 1e6;

@@ -1,14 +1,13 @@
 //! The smoother: block Gauss–Seidel, forward before the coarse correction and backward after it.
 //!
-//! With A = L + D + Lᵀ a forward sweep from zero is `x = (D + L)⁻¹ b`, and a backward sweep `x += (D + Lᵀ)⁻¹ (b − A x)`: one is the
-//! transpose of the other, which makes the preconditioner symmetric. Sweeps are sequential, so for threads rows are cut into
-//! domains, by their number alone: L has the blocks within a domain, and rows with blocks E outside are damped, with
-//! [`D̃ = D + ½ S`](super::border) on the diagonal, so that smoothing converges for any domains.
+//! With A = L + D + Lᵀ a forward sweep from zero is `x = (D + L)⁻¹ b`, and a backward sweep `x += (D + Lᵀ)⁻¹ (b − A x)`: one is the transpose of the
+//! other, which makes the preconditioner symmetric. Sweeps are sequential, so for threads rows are cut into domains, by their number alone: L has the
+//! blocks within a domain, and rows with blocks E outside are damped, with [`D̃ = D + ½ S`](super::border) on the diagonal, so that smoothing
+//! converges for any domains.
 //!
-//! Smoothing takes the time of reading the matrix, so one of the two triangles is stored, in single precision, times a
-//! factor that brings its entries near one: rounding changes a correction by 1e-7 of itself, which conjugate gradients do
-//! not notice. A sweep reads each block once and uses it twice, for its row and, transposed, for its column: a forward sweep
-//! gives the residual as well,
+//! Smoothing takes the time of reading the matrix, so one of the two triangles is stored, in single precision, times a factor that brings its entries
+//! near one: rounding changes a correction by 1e-7 of itself, which conjugate gradients do not notice. A sweep reads each block once and uses it
+//! twice, for its row and, transposed, for its column: a forward sweep gives the residual as well,
 //!
 //! ```text
 //! r = b − A x = −Lᵀ x − (E − ½ S) x,

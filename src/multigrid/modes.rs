@@ -1,28 +1,28 @@
 //! The near-null space: the rigid motions of the nodes of every level.
 //!
-//! A rigid motion about a centre C is a translation t and a rotation w, `u(x) = t + w × (x − C)`: M = 6 numbers in space, 3 in
-//! the plane (two translations, one rotation) and 1 on a line. A node with N unknowns follows it by its modes B, an N × M
-//! block, about its own centre c: B (t', w) with the same motion seen from there,
+//! A rigid motion about a centre C is a translation t and a rotation w, `u(x) = t + w × (x − C)`: M = 6 numbers in space, 3 in the plane (two
+//! translations, one rotation) and 1 on a line. A node with N unknowns follows it by its modes B, an N × M block, about its own centre c: B (t', w)
+//! with the same motion seen from there,
 //!
 //! ```text
 //! t' = t + w × (c − C),   that is   (t', w) = S(c − C) (t, w).
 //! ```
 //!
-//! A particle's modes are `B = [I 0]` without the rows of axes that are not free, its centre is its position. The modes of an
-//! aggregate's members about its centre, the mean of theirs, are the blocks `B_i S(c_i − C)`. With their Gram matrix factored,
+//! A particle's modes are `B = [I 0]` without the rows of axes that are not free, its centre is its position. The modes of an aggregate's members
+//! about its centre, the mean of theirs, are the blocks `B_i S(c_i − C)`. With their Gram matrix factored,
 //!
 //! ```text
 //! Σ (B_i S)ᵀ (B_i S) = Rᵀ R,   T_i = B_i S(c_i − C) R⁻¹,
 //! ```
 //!
-//! the columns of T are orthonormal and span the same motions: T is the tentative prolongator, and R holds the modes of the
-//! aggregate as a node of the next level, about C. A motion that the members do not feel, or not independently of the
-//! others (one free axis, a single particle, particles on a line), has no pivot: its column of T and its row of R are zero.
+//! the columns of T are orthonormal and span the same motions: T is the tentative prolongator, and R holds the modes of the aggregate as a node of
+//! the next level, about C. A motion that the members do not feel, or not independently of the others (one free axis, a single particle, particles on
+//! a line), has no pivot: its column of T and its row of R are zero.
 
 use super::block::{Block, add_product, add_transposed_product, zero};
 
-/// A motion is dropped where the part of its column that other columns do not span is below this share of the whole. R
-/// comes from a Gram matrix, whose squares lose parts below 1e-8.
+/// A motion is dropped where the part of its column that other columns do not span is below this share of the whole. R comes from a Gram matrix,
+/// whose squares lose parts below 1e-8.
 const INDEPENDENT: f64 = 1e-4;
 
 #[derive(Debug, Clone, Copy)]
@@ -129,8 +129,8 @@ impl<const M: usize> AggregateModes<M> {
 
 /// R and R⁻¹ of `G = RᵀR`, with zero rows of R and zero columns of R⁻¹ where G has no pivot.
 ///
-/// The motion with the largest share of its column that those before do not span comes next, so that nearly dependent
-/// motions come last: earlier, their small pivots would leave errors that look like independent parts.
+/// The motion with the largest share of its column that those before do not span comes next, so that nearly dependent motions come last: earlier,
+/// their small pivots would leave errors that look like independent parts.
 fn factor<const M: usize>(gram: &Block<M, M>) -> (Block<M, M>, Block<M, M>) {
     let mut r: Block<M, M> = zero();
     let mut inverse: Block<M, M> = zero();
@@ -164,8 +164,8 @@ fn factor<const M: usize>(gram: &Block<M, M>) -> (Block<M, M>, Block<M, M>) {
 mod tests {
     use super::*;
 
-    /// Aggregates of two and three particles near a line, with nearly or wholly dependent rotations: the columns of T are
-    /// orthonormal, and T R has the modes.
+    /// Aggregates of two and three particles near a line, with nearly or wholly dependent rotations: the columns of T are orthonormal, and T R has
+    /// the modes.
     #[test]
     fn kept_motions_are_orthonormal_however_dependent_others_are() {
         let mut seed = 1u64;

@@ -1,5 +1,5 @@
-//! Rows distributed among threads. Every row is computed by one thread, in the same way for any number of them. Loops over
-//! rows are compiled for the [widest registers](dispatch_simd).
+//! Rows distributed among threads. Every row is computed by one thread, in the same way for any number of them. Loops over rows are compiled for the
+//! [widest registers](dispatch_simd).
 
 use super::sparse::Pattern;
 use crate::parallel::{parts, pieces, share};
@@ -24,8 +24,8 @@ pub(super) fn for_each_row<T: Send>(values: &mut [T], f: impl Fn(usize, &mut T) 
     pieces(values, &rows);
 }
 
-/// Calls `f(start, chunk, chunk, workspace)` for chunks of a given length of two vectors. Every thread has consecutive
-/// chunks and one workspace; missing ones are clones of the first.
+/// Calls `f(start, chunk, chunk, workspace)` for chunks of a given length of two vectors. Every thread has consecutive chunks and one workspace;
+/// missing ones are clones of the first.
 pub(super) fn for_chunks<T: Send, U: Send, R: Clone + Send>(
     first: &mut [T],
     second: &mut [U],

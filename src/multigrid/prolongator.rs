@@ -1,27 +1,24 @@
 //! The prolongator P from aggregates to nodes: tentative, then smoothed, without weak couplings.
 //!
-//! `P = (I − ω D⁻¹A) T` with `ω = 4/(3 λ_max(D⁻¹A))` and D the diagonal blocks of A: one step of damped block Jacobi takes the
-//! jumps between aggregates out of T, so that a coarse motion costs little energy (Vaněk, Mandel, Brezina 1996, section 4).
+//! `P = (I − ω D⁻¹A) T` with `ω = 4/(3 λ_max(D⁻¹A))` and D the diagonal blocks of A: one step of damped block Jacobi takes the jumps between
+//! aggregates out of T, so that a coarse motion costs little energy (Vaněk, Mandel, Brezina 1996, section 4).
 //!
 //! λ_max is bounded, not computed: a spring's block B is positive semidefinite where A is of use, and
-//! `(x_i − x_j)ᵀ B (x_i − x_j) ≤ 2 x_iᵀ B x_i + 2 x_jᵀ B x_j`; summed over the springs, `xᵀA x ≤ 2 xᵀD x`, so `λ_max ≤ 2`. Using 2 for
-//! the actual 1.6 to 1.8 changes iteration counts by at most two. Any ω gives a preconditioner that is positive definite, up
-//! to rounding, which is small unless an eigenvalue λ of D⁻¹A of a motion of aggregates has ωλ near 1: `galerkin` keeps
-//! those out of the coarse level.
+//! `(x_i − x_j)ᵀ B (x_i − x_j) ≤ 2 x_iᵀ B x_i + 2 x_jᵀ B x_j`; summed over the springs, `xᵀA x ≤ 2 xᵀD x`, so `λ_max ≤ 2`. Using 2 for the actual 1.6
+//! to 1.8 changes iteration counts by at most two. Any ω gives a preconditioner that is positive definite, up to rounding, which is small unless an
+//! eigenvalue λ of D⁻¹A of a motion of aggregates has ωλ near 1: `galerkin` keeps those out of the coarse level.
 //!
-//! **Sparsity.** A block for every aggregate that a node is coupled to would make P, the coarse matrices and every transfer
-//! expensive for the sake of weak couplings. Vaněk, Mandel and Brezina (1996) smooth with a filtered matrix, whose weak
-//! entries are added to the diagonal: that preserves translations. Here rigid motions are preserved too (own derivation).
-//! Row i is
+//! **Sparsity.** A block for every aggregate that a node is coupled to would make P, the coarse matrices and every transfer expensive for the sake of
+//! weak couplings. Vaněk, Mandel and Brezina (1996) smooth with a filtered matrix, whose weak entries are added to the diagonal: that preserves
+//! translations. Here rigid motions are preserved too (own derivation). Row i is
 //!
 //! ```text
 //! P_i = T_i − ω D_i⁻¹ Σ_j A_ij T̃_j,
 //! ```
 //!
 //! with T̃_j = T_j if the aggregate of j is in the row. Otherwise j is taken to be fixed to one that is, which *stands in*:
-//! `T̃_j = B_j S(c_j − C) R⁻¹` with C and R of that aggregate, see `modes`. It is the strongest of the others, or the node's
-//! own if there is no other. Where all aggregates follow one rigid motion `Σ_j A_ij T̃_j` is `(A T)_i`, as far as the one that
-//! stands in has all motions.
+//! `T̃_j = B_j S(c_j − C) R⁻¹` with C and R of that aggregate, see `modes`. It is the strongest of the others, or the node's own if there is no
+//! other. Where all aggregates follow one rigid motion `Σ_j A_ij T̃_j` is `(A T)_i`, as far as the one that stands in has all motions.
 
 use super::aggregate::{Aggregates, Graph};
 use super::block::{Block, add_apply, add_product, add_transposed_apply, single, sum, without_negligible, zero};
@@ -43,8 +40,8 @@ const BLOCKS_AHEAD: usize = 64;
 /// Blocks of a row summed at once; more take another pass through the row of A.
 const AT_ONCE: usize = 8;
 
-/// Share of a node's couplings below which those to an aggregate may be left out. At a fifth, without a limit in all, a
-/// lattice of 46³ takes 26 iterations instead of 16.
+/// Share of a node's couplings below which those to an aggregate may be left out. At a fifth, without a limit in all, a lattice of 46³ takes 26
+/// iterations instead of 16.
 const WEAK: f64 = 0.15;
 
 /// Share of its couplings that may be left out in all: a node of a network may be coupled to as many aggregates as nodes.

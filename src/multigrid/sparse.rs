@@ -6,8 +6,8 @@ use crate::operator::group;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Rows between the use of a block and its prefetching: 16 of 3 × 3 numbers, fewer of larger blocks, which have to stay in
-/// the nearest cache. From 10⁵ particles on a sweep takes 0.7 of its time by that; 8 to 64 rows hardly differ.
+/// Rows between the use of a block and its prefetching: 16 of 3 × 3 numbers, fewer of larger blocks, which have to stay in the nearest cache. From
+/// 10⁵ particles on a sweep takes 0.7 of its time by that; 8 to 64 rows hardly differ.
 pub(super) const fn ahead<T>() -> usize {
     576 / size_of::<T>() + 1
 }

@@ -1,16 +1,15 @@
 //! The system matrix without a matrix: one mass a particle and one block a spring.
 //!
-//! Every matrix of a mass–spring system is a combination `m·M + g·G + k·K` of the mass matrix, the damping matrix
-//! `G = ∂f_d/∂v` and the stiffness matrix `K = ∂f_el/∂x`. A spring between i and j puts `−b nnᵀ` into G and `−K^s` into K
-//! on (i, i) and (j, j), and the opposite on (i, j) and (j, i). So a spring's part of any combination is one
-//! [`SpringBlock`] B of the form `α(I − nnᵀ) + β nnᵀ`, and its product with w is `s = B (w_i − w_j)`, added to row i and
-//! subtracted from row j: Add-Damping-Force and Add-Force-Differential of the lecture notes (see [`spring`](crate::spring))
-//! in one pass.
+//! Every matrix of a mass–spring system is a combination `m·M + g·G + k·K` of the mass matrix, the damping matrix `G = ∂f_d/∂v` and the stiffness
+//! matrix `K = ∂f_el/∂x`. A spring between i and j puts `−b nnᵀ` into G and `−K^s` into K on (i, i) and (j, j), and the opposite on (i, j) and (j,
+//! i). So a spring's part of any combination is one [`SpringBlock`] B of the form `α(I − nnᵀ) + β nnᵀ`, and its product with w is
+//! `s = B (w_i − w_j)`, added to row i and subtracted from row j: Add-Damping-Force and Add-Force-Differential of the lecture notes (see
+//! [`spring`](crate::spring)) in one pass.
 //!
-//! Vectors are *reduced*: one number for every free degree of freedom, as in the assembled matrix. Reading the ends of a
-//! spring through the [`DofMap`](crate::DofMap) puts zeros on prescribed axes, and adding to them drops these axes: the
-//! *Project* of the notes. The displacement of prescribed particles goes to the right-hand side once a step, by
-//! [`subtract_coupling`](SystemOperator::subtract_coupling): their *Set-Boundary-Conditions*.
+//! Vectors are *reduced*: one number for every free degree of freedom, as in the assembled matrix. Reading the ends of a spring through the
+//! [`DofMap`](crate::DofMap) puts zeros on prescribed axes, and adding to them drops these axes: the *Project* of the notes. The displacement of
+//! prescribed particles goes to the right-hand side once a step, by [`subtract_coupling`](SystemOperator::subtract_coupling): their
+//! *Set-Boundary-Conditions*.
 
 use super::stream::SpringStream;
 use super::{BlockDiagonal, LinearOperator};
@@ -110,8 +109,8 @@ impl<'s> SystemOperator<'s> {
         self.set(extensions, combination, option, |_| option);
     }
 
-    /// As [`update`](Self::update), with an option for every active spring by its position among them; external forces
-    /// are treated as under `tension`.
+    /// As [`update`](Self::update), with an option for every active spring by its position among them; external forces are treated as under
+    /// `tension`.
     pub fn update_each(
         &mut self,
         extensions: &SpringGeometry,
@@ -136,8 +135,8 @@ impl<'s> SystemOperator<'s> {
         });
     }
 
-    /// Sets the operator to `mass·M` plus any block a spring, +B on both its diagonal blocks and −B between its ends,
-    /// without allocating. `block` gets the position among the active springs, the spring, and its extension.
+    /// Sets the operator to `mass·M` plus any block a spring, +B on both its diagonal blocks and −B between its ends, without allocating. `block`
+    /// gets the position among the active springs, the spring, and its extension.
     pub fn set_blocks(
         &mut self,
         extensions: &SpringGeometry,
@@ -198,8 +197,7 @@ impl<'s> SystemOperator<'s> {
         self.mass.is_finite() && springs && self.external.iter().all(is_finite)
     }
 
-    /// Whether no block of a spring or an external force has a negative eigenvalue, which makes their sum positive
-    /// semidefinite.
+    /// Whether no block of a spring or an external force has a negative eigenvalue, which makes their sum positive semidefinite.
     pub fn has_no_negative_block(&self) -> bool {
         let is_positive = |block: &Matrix3<f64>| lowest(block) >= 0.0;
         self.blocks.iter().all(|block| block.lowest() >= 0.0) && self.external.iter().all(is_positive)
@@ -255,8 +253,8 @@ pub(super) fn lowest(block: &Matrix3<f64>) -> f64 {
     if xy == 0.0 && xz == 0.0 && yz == 0.0 { block.diagonal().min() } else { block.symmetric_eigenvalues().min() }
 }
 
-/// `damping·D + stiffness·S` of the derivatives D and S at a particle, or of their negative semidefinite parts under
-/// options that keep matrices definite.
+/// `damping·D + stiffness·S` of the derivatives D and S at a particle, or of their negative semidefinite parts under options that keep matrices
+/// definite.
 fn combined(at: &Derivatives, option: Stiffness, combination: Combination) -> Matrix3<f64> {
     let part = |matrix: &Matrix3<f64>| if option == Stiffness::Full { *matrix } else { negative_part(matrix) };
     part(&at.damping) * combination.damping + part(&at.stiffness) * combination.stiffness
