@@ -123,30 +123,13 @@ impl ConjugateGradient {
             return CgReport { outcome: CgOutcome::NonFinite, iterations: 0, first_residual, relative_residual };
         }
         let factor = scaling(b);
-        if factor != 1.0 {
-            x.iter_mut().for_each(|x| *x *= factor);
-        }
+        x.iter_mut().for_each(|x| *x *= factor);
         self.product.fill(0.0);
-        let size = if factor == 1.0 { norm(b) } else { subtract(factor, b, &self.product, &mut self.residual).sqrt() };
-        let report = self.solve_scaled(a, preconditioner, &Scaled { factor, b, norm: size }, x);
-        if factor != 1.0 {
-            x.iter_mut().for_each(|x| *x /= factor);
-        }
-        report
-    }
-
-    fn solve_scaled(
-        &mut self,
-        a: &impl LinearOperator,
-        preconditioner: &mut Preconditioner,
-        b: &Scaled,
-        x: &mut [f64],
-    ) -> CgReport {
-        let scale = b.norm;
+        let scale = subtract(factor, b, &self.product, &mut self.residual).sqrt();
         let target = self.tolerance * scale;
-        let mut iterations = 0;
-        let mut residual = self.set_true_residual(a, b, x);
         let relative = |residual: f64| if residual == 0.0 { 0.0 } else { residual / scale };
+        let mut iterations = 0;
+        let mut residual = self.set_true_residual(a, factor, b, x);
         let first_residual = relative(residual);
         let mut last = f64::INFINITY;
         let outcome = loop {
@@ -161,13 +144,14 @@ impl ConjugateGradient {
             }
             last = residual;
             let stop = self.iterate(a, preconditioner, x, target, &mut iterations);
-            residual = self.set_true_residual(a, b, x);
+            residual = self.set_true_residual(a, factor, b, x);
             match stop {
                 Some(CgOutcome::IterationLimit) if residual <= target => break CgOutcome::Converged,
                 Some(outcome) => break outcome,
                 None => {}
             }
         };
+        x.iter_mut().for_each(|x| *x /= factor);
         CgReport { outcome, iterations, first_residual, relative_residual: relative(residual) }
     }
 
@@ -215,18 +199,11 @@ impl ConjugateGradient {
         None
     }
 
-    /// `r = b − A x`; returns its norm.
-    fn set_true_residual(&mut self, a: &impl LinearOperator, b: &Scaled, x: &[f64]) -> f64 {
+    /// `r = s b − A x`; returns its norm.
+    fn set_true_residual(&mut self, a: &impl LinearOperator, s: f64, b: &[f64], x: &[f64]) -> f64 {
         a.apply(x, &mut self.product);
-        subtract(b.factor, b.b, &self.product, &mut self.residual).sqrt()
+        subtract(s, b, &self.product, &mut self.residual).sqrt()
     }
-}
-
-/// A right-hand side times a factor, and its norm.
-struct Scaled<'a> {
-    factor: f64,
-    b: &'a [f64],
-    norm: f64,
 }
 
 #[cfg(test)]
