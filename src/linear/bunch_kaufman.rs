@@ -5,7 +5,7 @@
 //! [`PivotedLdlt::multiply`] computes `L B Lᵀ W`, with which the error `A − L B Lᵀ` is measured.
 
 use super::analysis::Analysis;
-use super::factorization::{FactorKind, Factorization};
+use super::factorization::{FactorKind, Factorization, Ldl};
 use super::substitution::{Supernode, supernodes};
 use crate::assembly::SymmetricMatrix;
 use faer::dyn_stack::MemStack;
@@ -76,31 +76,28 @@ impl FactorKind for BunchKaufman {
 
     /// Never fails: failures show in the pivots and in the error.
     fn factor(&mut self, analysis: &mut Analysis, a: &SymmetricMatrix) -> Result<(), usize> {
-        let Analysis { symbolic, values, memory, par, .. } = analysis;
         let Self { pivoting, subdiagonal, forward, inverse } = self;
-        let (a, stack) = (a.as_faer(), MemStack::new(memory));
         // faer does not write where there is nothing to eliminate.
         subdiagonal.fill(0.0);
         match pivoting {
             Pivoting::None => {
                 forward.iter_mut().zip(0..).for_each(|(k, same)| *k = same);
-                let plain = Default::default();
-                let done = symbolic.factorize_numeric_ldlt(values, a, Side::Lower, plain, *par, stack, Spec::default());
-                if done.is_err() {
+                if Ldl.factor(analysis, a).is_err() {
                     // A pivot vanished, and the factor is incomplete.
-                    values.fill(f64::NAN);
+                    analysis.values.fill(f64::NAN);
                 }
             }
             Pivoting::InSupernodes => {
+                let Analysis { symbolic, values, memory, par, .. } = analysis;
                 symbolic.factorize_numeric_intranode_lblt(
                     values,
                     subdiagonal,
                     forward,
                     inverse,
-                    a,
+                    a.as_faer(),
                     Side::Lower,
                     *par,
-                    stack,
+                    MemStack::new(memory),
                     Spec::default(),
                 );
             }

@@ -17,19 +17,14 @@
 //! pivots is then a proof about the stored matrix (Rump, BIT 46, 2006, for Cholesky factors). It takes two passes over L.
 
 use super::factorization::{FactorKind, Factorization};
-use super::substitution::supernodes;
+use super::substitution::columns;
 
 /// u, the unit of rounding.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Roundings of one term `l_ik d_k l_jk` beside those of the sum: two products, the reciprocal of the pivot and the product with it for each factor,
-/// and the last division.
-const OF_A_TERM: f64 = 8.0;
-
-/// Powers of two within which pivots and entries of L keep underflows harmless: one is at most `2^−1074 · 2^600` in a row sum, and all of them
-/// together are below `2^−300`.
+/// Pivots and entries of L up to this, and down to its inverse, keep underflows harmless: one is at most `2^−1074 · 2^600` in a row sum, and all of
+/// them together are below `2^−300 < 1e-90`.
 const LARGEST: f64 = 1e120;
-const UNDERFLOWS: f64 = 1e-90;
 
 impl<K: FactorKind> Factorization<K> {
     /// ε for the last factored matrix and its `L D Lᵀ` without pivoting, W the identity where there are no weights. Infinite where the factor is not
@@ -37,27 +32,26 @@ impl<K: FactorKind> Factorization<K> {
     pub(crate) fn rounding_bound(&self, weights: Option<&[f64]>) -> f64 {
         let n = self.analysis.symbolic.nrows();
         let (mut sums, mut terms, mut is_sound) = (vec![0.0; n], vec![0.0; n], true);
-        for s in supernodes(&self.analysis.symbolic) {
-            for c in 0..s.columns {
-                let (k, start) = (s.first + c, s.diagonal(c));
-                let pivot = self.analysis.values[start].abs();
-                let column = &self.analysis.values[start + 1..][..s.rows() - c - 1];
-                let length = 1.0 + column.iter().map(|l| l.abs()).sum::<f64>();
-                is_sound &= (1.0 / LARGEST..=LARGEST).contains(&pivot) && length <= LARGEST;
-                sums[k] += pivot * length;
-                let rows = (k + 1..s.first + s.columns).chain(s.below.iter().map(|&row| row as usize));
-                for (row, l) in rows.zip(column) {
-                    sums[row] += l.abs() * (pivot * length);
-                    terms[row] += 1.0;
-                }
+        for (s, c) in columns(&self.analysis.symbolic) {
+            let (k, start) = (s.first + c, s.diagonal(c));
+            let pivot = self.analysis.values[start].abs();
+            let column = &self.analysis.values[start + 1..][..s.rows() - c - 1];
+            let length = 1.0 + column.iter().map(|l| l.abs()).sum::<f64>();
+            is_sound &= (1.0 / LARGEST..=LARGEST).contains(&pivot) && length <= LARGEST;
+            sums[k] += pivot * length;
+            for (row, l) in s.rows_below(c).zip(column) {
+                sums[row] += l.abs() * (pivot * length);
+                terms[row] += 1.0;
             }
         }
         // Sums of at most n terms, each of a product with a sum of at most n: computed below their value by this part at most.
         let of_sums = 1.0 + 4.0 * (n as f64 + 8.0) * U;
         let row = |k: usize| {
-            let m = (terms[k] + OF_A_TERM) * U;
+            // 8 roundings of one term `l_ik d_k l_jk` beside those of the sum: two products, the reciprocal of the pivot and the product with it for
+            // each factor, and the last division.
+            let m = (terms[k] + 8.0) * U;
             let weight = weights.map_or(1.0, |weights| weights[self.analysis.row(k)]);
-            (m / (1.0 - m) * sums[k] + UNDERFLOWS) * of_sums / weight
+            (m / (1.0 - m) * sums[k] + 1e-90) * of_sums / weight
         };
         let largest = (0..n).map(row).fold(0.0, |largest, bound| if bound <= largest { largest } else { bound });
         if is_sound && largest.is_finite() { largest } else { f64::INFINITY }
@@ -94,12 +88,10 @@ mod tests {
     fn error(a: &SymmetricMatrix, factorization: &Ldlt) -> DMatrix<f64> {
         let (n, values) = (a.order(), &factorization.analysis.values);
         let (mut l, mut d) = (DMatrix::<f64>::identity(n, n), vec![0.0; n]);
-        for s in supernodes(&factorization.analysis.symbolic) {
-            for c in 0..s.columns {
-                d[s.first + c] = values[s.diagonal(c)];
-                let rows = (s.first + c + 1..s.first + s.columns).chain(s.below.iter().map(|&row| row as usize));
-                rows.zip(&values[s.diagonal(c) + 1..]).for_each(|(row, value)| l[(row, s.first + c)] = *value);
-            }
+        for (s, c) in columns(&factorization.analysis.symbolic) {
+            d[s.first + c] = values[s.diagonal(c)];
+            let column = s.rows_below(c).zip(&values[s.diagonal(c) + 1..]);
+            column.for_each(|(row, value)| l[(row, s.first + c)] = *value);
         }
         let mut place = vec![0; n];
         (0..n).for_each(|k| place[factorization.analysis.row(k)] = k);

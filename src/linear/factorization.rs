@@ -5,7 +5,7 @@
 
 use super::analysis::{Analysis, FactorReport, NonPositivePivot, SOLVE_COLUMNS};
 use super::ordering::{FactorSize, OrderingEstimate};
-use super::substitution::{Diagonal, supernodes};
+use super::substitution::{Diagonal, columns};
 use crate::assembly::{BlockPattern, SymmetricMatrix};
 use crate::error::{Error, Result, check_length};
 use faer::dyn_stack::MemStack;
@@ -157,13 +157,11 @@ impl<K: FactorKind> Factorization<K> {
         plan?.ok().filter(|plan| is_worth(plan.size(), plan.bytes()))
     }
 
-    /// Allocates the factor.
     pub(crate) fn allocate(mut self) -> Result<Self> {
         self.analysis.allocate()?;
         Ok(self)
     }
 
-    /// Bytes of the factor and the work space.
     pub(crate) fn bytes(&self) -> u64 {
         self.analysis.bytes()
     }
@@ -204,6 +202,12 @@ impl<K: FactorKind> Factorization<K> {
 }
 
 impl<K: SolvingKind> Factorization<K> {
+    fn of(a: &SymmetricMatrix) -> Result<Self, NotFactored> {
+        let mut factorization = Self::analyse(a.pattern(), Par::Seq)?;
+        factorization.factor(a)?;
+        Ok(factorization)
+    }
+
     /// Factors a matrix on the analysed pattern.
     ///
     /// # Errors
@@ -235,23 +239,12 @@ impl<K: SolvingKind> Factorization<K> {
         Ok(())
     }
 
-    /// `X ← A⁻¹ X` for a matrix stored by columns, each as long as A: [`SOLVE_COLUMNS`] at a time.
-    ///
-    /// # Errors
-    /// [`Invalid`](crate::error::Invalid) for a length that is no multiple of the order of A.
-    pub fn solve_columns_in_place(&mut self, x: &mut [f64]) -> Result<()> {
-        let n = self.analysis.symbolic.nrows();
-        check_length("x", x.len(), x.len() / n.max(1) * n)?;
-        self.substitute_columns(n, x);
-        Ok(())
-    }
-
     /// As [`solve_in_place`](Self::solve_in_place), for a vector of the right length.
     pub(crate) fn substitute(&mut self, x: &mut [f64]) {
         self.substitute_columns(x.len(), x);
     }
 
-    /// As [`solve_columns_in_place`](Self::solve_columns_in_place), for columns of the right length n.
+    /// `X ← A⁻¹ X` for a matrix stored by columns of the right length n: [`SOLVE_COLUMNS`] at a time.
     pub(crate) fn substitute_columns(&mut self, n: usize, x: &mut [f64]) {
         let start = Instant::now();
         for x in x.chunks_mut((SOLVE_COLUMNS * n).max(1)) {
@@ -271,9 +264,7 @@ impl SymmetricMatrix {
     /// # Errors
     /// A matrix that is not positive definite, or whose factor does not fit the memory.
     pub fn cholesky(&self) -> Result<Cholesky, NotFactored> {
-        let mut factorization = Cholesky::analyse(self.pattern(), Par::Seq)?;
-        factorization.factor(self)?;
-        Ok(factorization)
+        Factorization::of(self)
     }
 
     /// The factorization L D Lᵀ, analysed and computed; the matrix may be indefinite.
@@ -281,9 +272,7 @@ impl SymmetricMatrix {
     /// # Errors
     /// A pivot that is zero or not finite; a factor that does not fit the memory.
     pub fn ldlt(&self) -> Result<Ldlt, NotFactored> {
-        let mut factorization = Ldlt::analyse(self.pattern(), Par::Seq)?;
-        factorization.factor(self)?;
-        Ok(factorization)
+        Factorization::of(self)
     }
 }
 
@@ -301,19 +290,13 @@ pub enum NotFactored {
 impl Factorization<Ldl> {
     /// The pivots D of the last factored matrix with the rows of A they belong to, in the order of elimination.
     pub fn pivots(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let columns = supernodes(&self.analysis.symbolic).flat_map(|s| (0..s.columns).map(move |c| (s, c)));
-        columns.map(|(s, c)| (self.analysis.row(s.first + c), self.analysis.values[s.diagonal(c)]))
+        let Analysis { symbolic, values, .. } = &self.analysis;
+        columns(symbolic).map(|(s, c)| (self.analysis.row(s.first + c), values[s.diagonal(c)]))
     }
 
     /// Rows and columns of the stored entries of L below its diagonal, the zeros inside supernodes included, numbered in the order of elimination.
     pub fn pattern(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        supernodes(&self.analysis.symbolic).flat_map(|s| {
-            (0..s.columns).flat_map(move |c| {
-                let triangle = c + 1..s.columns;
-                let rows = triangle.map(move |r| s.first + r).chain(s.below.iter().map(|&row| row as usize));
-                rows.map(move |row| (row, s.first + c))
-            })
-        })
+        columns(&self.analysis.symbolic).flat_map(|(s, c)| s.rows_below(c).map(move |row| (row, s.first + c)))
     }
 
     /// Whether all pivots of the last factored matrix are positive: the matrix is then positive definite to rounding, with the Cholesky factor `L√D`.
@@ -328,16 +311,14 @@ impl Factorization<Ldl> {
         if u.len() != analysis.symbolic.nrows() {
             return false;
         }
-        let columns = supernodes(&analysis.symbolic).flat_map(|s| (0..s.columns).map(move |c| (s, c)));
-        let pivots = columns.map(|(s, c)| (analysis.values[s.diagonal(c)], s, c));
+        let pivots = columns(&analysis.symbolic).map(|(s, c)| (analysis.values[s.diagonal(c)], s, c));
         let Some((_, s, c)) = pivots.filter(|(d, ..)| *d < 0.0).min_by(|a, b| a.0.total_cmp(&b.0)) else {
             return false;
         };
         // A⁻¹ (L e_j) = L⁻ᵀ D⁻¹ e_j: a column of L and one ordinary solve.
         u.fill(0.0);
         u[analysis.row(s.first + c)] = 1.0;
-        let rows = (s.first + c + 1..s.first + s.columns).chain(s.below.iter().map(|&row| row as usize));
-        for (k, value) in rows.zip(&analysis.values[s.diagonal(c) + 1..]) {
+        for (k, value) in s.rows_below(c).zip(&analysis.values[s.diagonal(c) + 1..]) {
             u[analysis.row(k)] = *value;
         }
         self.substitute(u);
@@ -473,12 +454,9 @@ mod tests {
         let a = banded(2, |_| 20.0);
         let mut cholesky = Cholesky::analyse(a.pattern(), Par::Seq).unwrap();
         cholesky.factor(&a).unwrap();
-        assert!(
-            cholesky.solve_in_place(&mut [1.0; 6]).is_ok() && cholesky.solve_columns_in_place(&mut [1.0; 12]).is_ok()
-        );
+        assert!(cholesky.solve_in_place(&mut [1.0; 6]).is_ok());
         for length in [0, 5, 7, 12] {
             assert!(cholesky.solve_in_place(&mut vec![1.0; length]).is_err(), "{length}");
         }
-        assert!(cholesky.solve_columns_in_place(&mut [1.0; 13]).is_err());
     }
 }
