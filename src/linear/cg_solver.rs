@@ -18,7 +18,6 @@ use super::vector::dot;
 use super::{LinearSolver, Prepared, PreparedMatrix};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
-use crate::interrupt::Interrupt;
 use crate::operator::{LinearOperator, SystemOperator};
 use crate::system::System;
 use crate::work::Work;
@@ -119,14 +118,6 @@ impl CgSolver {
         Self::new(system, preconditioner, tolerance, Application::MatrixFree)
     }
 
-    /// On the assembled matrix.
-    ///
-    /// # Errors
-    /// More entries than 32-bit indices can count, or than there is memory for.
-    pub fn assembled(system: &System, preconditioner: PreconditionerKind, tolerance: f64) -> Result<Self> {
-        Self::new(system, preconditioner, tolerance, Application::assembled(system)?)
-    }
-
     /// Matrix-free, with a custom preconditioner.
     pub fn with_preconditioner(system: &System, custom: Box<dyn CustomPreconditioner>, tolerance: f64) -> Self {
         Self::from_parts(system, Preconditioner::Custom(custom), tolerance, Application::MatrixFree)
@@ -151,18 +142,11 @@ impl CgSolver {
         }
     }
 
-    /// Ends iterations when requested.
-    pub fn interrupted_by(mut self, interrupt: Interrupt) -> Self {
-        self.method.interrupt = interrupt;
-        self
-    }
-
     /// The method: its parameters, and the direction of negative curvature after a failure.
     pub fn method(&mut self) -> &mut ConjugateGradient {
         &mut self.method
     }
 
-    /// Solves from the given x.
     fn iterate(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], work: &mut Work) -> CgReport {
         let Self { method, preconditioner, application, .. } = self;
         work.solves += 1;

@@ -18,9 +18,6 @@ use std::sync::Arc;
 /// default tolerance of conjugate gradients.
 const TRUSTED_BACKWARD_ERROR: f64 = 1e-12;
 
-/// Rounds of iterative refinement that an LDLᵀ solution gets to reach it.
-const REFINEMENTS: usize = 3;
-
 /// The assembled matrix and the residual of its solutions.
 #[derive(Debug)]
 struct Assembled {
@@ -92,7 +89,7 @@ impl CholeskyPlan {
         Ok(Self { pattern, factorization })
     }
 
-    /// As [`new`](Self::new), if `is_worth` accepts the size and the bytes of the factor. A cheap lower bound is asked for first.
+    /// As [`new`](Self::new), if `is_worth` accepts the size and the bytes of the factor, and before of its cheap lower bound.
     pub(super) fn if_worth(
         system: &System,
         par: Par,
@@ -241,7 +238,8 @@ impl LinearSolver for LdltSolver {
         let error_of =
             |assembled: &Assembled, norm, x: &[f64]| backward_error(&assembled.residual, norm, x, &assembled.scaled);
         let mut error = error_of(&self.assembled, self.matrix_norm, x);
-        for _ in 0..REFINEMENTS {
+        // Rounds of iterative refinement to reach it.
+        for _ in 0..3 {
             if error <= TRUSTED_BACKWARD_ERROR {
                 break;
             }

@@ -106,19 +106,6 @@ impl Default for Tolerance {
 }
 
 /// A linear solver and its parameters.
-///
-/// # Examples
-/// ```
-/// use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions};
-///
-/// let options = SolverOptions::default()
-///     .with_solver(SolverChoice::CgAssembled)
-///     .with_preconditioner(PreconditionerKind::Multigrid)
-///     .with_tolerance(1e-8)?;
-/// assert_eq!(options.solver.name(), "cg-assembled");
-/// assert!(options.with_tolerance(0.0).is_err());
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolverOptions {
     /// The solver.
