@@ -9,8 +9,6 @@ use crate::operator::group;
 /// θ. Weights that differ by less than a hundredfold count as equal, which keeps aggregates round.
 const STRENGTH: f64 = 0.01;
 
-const NONE: u32 = u32::MAX;
-
 /// A weighted undirected graph: the neighbours of every node, ascending, without loops and repeats.
 #[derive(Debug, Clone)]
 pub(super) struct Graph {
@@ -67,7 +65,7 @@ impl Graph {
 
 #[derive(Debug, Clone)]
 pub(super) struct Aggregates {
-    of_node: Vec<u32>,
+    of_node: Vec<Option<u32>>,
     count: usize,
 }
 
@@ -79,36 +77,34 @@ impl Aggregates {
             .collect();
         let is_strong = |i: usize, j: usize, w: f64| w * w >= STRENGTH * STRENGTH * largest[i] * largest[j];
         let strong = |i: usize| graph.edges(i).filter(move |&(j, w)| is_strong(i, j, w)).map(|(j, _)| j);
-        let mut of_node = vec![NONE; graph.nodes()];
+        let mut of_node = vec![None; graph.nodes()];
         let mut count = 0;
 
         for root in 0..graph.nodes() {
             let mut others = strong(root).peekable();
-            if of_node[root] == NONE && others.peek().is_some() && strong(root).all(|j| of_node[j] == NONE) {
-                of_node[root] = count;
-                others.for_each(|j| of_node[j] = count);
+            if of_node[root].is_none() && others.peek().is_some() && strong(root).all(|j| of_node[j].is_none()) {
+                of_node[root] = Some(count);
+                others.for_each(|j| of_node[j] = Some(count));
                 count += 1;
             }
         }
         // A node between them joins the aggregate to which it is coupled most stiffly.
         let neighbourhoods = of_node.clone();
-        for node in (0..graph.nodes()).filter(|&node| neighbourhoods[node] == NONE) {
-            let mut joined = graph.edges(node).filter(|&(j, _)| neighbourhoods[j] != NONE);
+        for node in (0..graph.nodes()).filter(|&node| neighbourhoods[node].is_none()) {
+            let mut joined = graph.edges(node).filter(|&(j, _)| neighbourhoods[j].is_some());
             if let Some((j, _)) = stiffest(&mut joined) {
                 of_node[node] = neighbourhoods[j];
             }
         }
         // The rest is far from every neighbourhood. No aggregate is a single node, so each level at least halves.
         for root in 0..graph.nodes() {
-            if of_node[root] != NONE {
+            if of_node[root].is_some() {
                 continue;
             }
-            if graph.edges(root).any(|(j, _)| of_node[j] == NONE) {
-                of_node[root] = count;
+            if graph.edges(root).any(|(j, _)| of_node[j].is_none()) {
+                of_node[root] = Some(count);
                 for (j, _) in graph.edges(root) {
-                    if of_node[j] == NONE {
-                        of_node[j] = count;
-                    }
+                    of_node[j].get_or_insert(count);
                 }
                 count += 1;
             } else if let Some((j, _)) = stiffest(&mut graph.edges(root)) {
@@ -124,8 +120,7 @@ impl Aggregates {
 
     #[inline]
     pub fn of_node(&self, node: usize) -> Option<u32> {
-        let aggregate = self.of_node[node];
-        (aggregate != NONE).then_some(aggregate)
+        self.of_node[node]
     }
 }
 

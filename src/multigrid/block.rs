@@ -235,6 +235,8 @@ pub(super) fn inverse<const N: usize>(a: &Block<N, N>) -> Result<Block<N, N>, Ba
 
 /// Added to diagonal blocks, whose largest of a level is about one: f32 ends at 1e38.
 pub(super) const LEAST_DIAGONAL: f64 = 1e-30;
+
+/// As [`inverse`], of the block with [`LEAST_DIAGONAL`] added.
 pub(super) fn inverse_of<const N: usize>(block: &Block<N, N>) -> Result<Block<N, N>, BadPivot> {
     inverse(&shifted(block, LEAST_DIAGONAL))
 }

@@ -26,10 +26,6 @@ use crate::operator::prefetch_all;
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-/// Least rows of a domain, and most domains: fewer smooth better, more keep more threads busy.
-const LEAST_ROWS: usize = 8192;
-const MOST_DOMAINS: usize = 16;
-
 /// A matrix ready for block Gauss–Seidel.
 #[derive(Debug, Clone)]
 pub(super) struct GaussSeidel<const N: usize> {
@@ -53,12 +49,6 @@ struct Node<const N: usize> {
     x: [f32; N],
     /// r of a forward sweep; the remaining right-hand side of a backward one.
     rest: [f32; N],
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct BadBlock {
-    pub row: usize,
-    pub bad: BadPivot,
 }
 
 impl<const N: usize> GaussSeidel<N> {
@@ -93,7 +83,8 @@ impl<const N: usize> GaussSeidel<N> {
         })
     }
 
-    pub fn update(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), BadBlock> {
+    /// Sets the matrix `factor·A`; fails with the first row whose diagonal block is not positive definite.
+    pub fn update(&mut self, a: &impl Rows<N>, factor: f64) -> std::result::Result<(), (usize, BadPivot)> {
         let Self { domain, lower, blocks, outside, inverses, .. } = self;
         let BlockMatrix { pattern, values } = outside;
         let failed = zero();
@@ -120,7 +111,7 @@ impl<const N: usize> GaussSeidel<N> {
             },
         );
         let Some(row) = inverses.iter().position(|inverse| *inverse == failed) else { return Ok(()) };
-        inverse_of(&scaled(factor, &a.diagonal_block(row))).map(drop).map_err(|bad| BadBlock { row, bad })
+        inverse_of(&scaled(factor, &a.diagonal_block(row))).map(drop).map_err(|bad| (row, bad))
     }
 
     /// `D̃⁻¹` of a row of `factor·A`.
@@ -228,8 +219,9 @@ fn prefetch<const N: usize>(blocks: &[Block<N, N, f32>]) {
     prefetch_all(blocks.as_flattened().as_flattened());
 }
 
+/// Rows of a domain: fewer domains smooth better, more keep more threads busy.
 fn domain(rows: usize) -> usize {
-    rows.div_ceil((rows / LEAST_ROWS).clamp(1, MOST_DOMAINS)).max(1)
+    rows.div_ceil((rows / 8192).clamp(1, 16)).max(1)
 }
 
 /// The diagonal block of a row of `factor·A`; `before` gets the blocks of A before it.

@@ -1,8 +1,8 @@
 //! Smoothed-aggregation algebraic multigrid as a preconditioner.
 //!
-//! Block Jacobi needs more iterations the larger and stiffer a scene is: information travels one spring an iteration. Multigrid carries it over all
-//! distances at once, in a number of iterations that hardly depends on either. This is the method of Vaněk, Mandel and Brezina, "Algebraic multigrid
-//! by smoothed aggregation for second and fourth order elliptic problems", Computing 56 (1996), for conjugate gradients on `A = M/dt² − G/dt − K`.
+//! Block Jacobi carries information one spring an iteration, multigrid over all distances at once, in a number of iterations that hardly depends on
+//! the size or the stiffness of a scene. This is the method of Vaněk, Mandel and Brezina, "Algebraic multigrid by smoothed aggregation for second and
+//! fourth order elliptic problems", Computing 56 (1996), for conjugate gradients on `A = M/dt² − G/dt − K`.
 //!
 //! **Once a scene.** Particles that can move are the nodes of a graph, springs its edges. Nodes are gathered into aggregates of a dozen or two, which
 //! are the nodes of the next level, and so on until a few hundred unknowns are left. The sparsity of every level's matrix follows, and all memory is
@@ -50,9 +50,6 @@ use crate::system::{Dof, System};
 use finest::{Finest, near_one};
 use level::{Level, NotPositiveDefinite};
 use nalgebra::Vector3;
-
-/// Unknowns that are solved for directly: a dense factorization of this order takes a few milliseconds.
-const LARGEST_DENSE: usize = 400;
 
 /// Size of one level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -127,7 +124,8 @@ impl Multigrid {
     /// # Errors
     /// More matrix blocks than 32-bit indices can count.
     pub fn new(system: &System) -> Result<Self> {
-        Self::down_to(system, LARGEST_DENSE)
+        // A dense factorization of this order takes a few milliseconds.
+        Self::down_to(system, 400)
     }
 
     /// As [`new`](Self::new), with levels down to one of at most `largest_dense` unknowns, which is solved directly.

@@ -31,34 +31,25 @@ pub(super) struct Frame<const N: usize, const M: usize> {
     pub centre: [f64; 3],
 }
 
-/// `B S(s)`: modes about another centre, s = old − new.
-#[inline(always)]
-fn shifted<const N: usize, const M: usize>(b: &Block<N, M>, s: [f64; 3]) -> Block<N, M> {
-    let mut shifted = *b;
-    for (to, from) in shifted.iter_mut().zip(b) {
-        match (&mut to[..], &from[..]) {
-            ([.., x, y, z], [bx, by, bz, ..]) if M == 6 => {
-                // Row · (e_k × s) for the axes k of rotation.
-                *x += by * -s[2] + bz * s[1];
-                *y += bx * s[2] + bz * -s[0];
-                *z += bx * -s[1] + by * s[0];
-            }
-            ([.., z], [bx, by, ..]) if M == 3 => *z += bx * -s[1] + by * s[0],
-            _ => {}
-        }
-    }
-    shifted
-}
-
-fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
 impl<const N: usize, const M: usize> Frame<N, M> {
-    /// `B_i S(c_i − C)`.
+    /// `B S(c − C)`: the modes about another centre C.
     #[inline(always)]
-    fn about(&self, centre: [f64; 3]) -> Block<N, M> {
-        shifted(&self.modes, difference(self.centre, centre))
+    pub fn about(&self, centre: [f64; 3]) -> Block<N, M> {
+        let s: [f64; 3] = std::array::from_fn(|axis| self.centre[axis] - centre[axis]);
+        let mut shifted = self.modes;
+        for (to, from) in shifted.iter_mut().zip(&self.modes) {
+            match (&mut to[..], &from[..]) {
+                ([.., x, y, z], [bx, by, bz, ..]) if M == 6 => {
+                    // Row · (e_k × s) for the axes k of rotation.
+                    *x += by * -s[2] + bz * s[1];
+                    *y += bx * s[2] + bz * -s[0];
+                    *z += bx * -s[1] + by * s[0];
+                }
+                ([.., z], [bx, by, ..]) if M == 3 => *z += bx * -s[1] + by * s[0],
+                _ => {}
+            }
+        }
+        shifted
     }
 }
 
@@ -105,13 +96,7 @@ impl<const M: usize> AggregateModes<M> {
     /// `T_i = B_i S(c_i − C) R⁻¹`.
     #[inline(always)]
     pub fn tentative<const N: usize>(&self, member: &Frame<N, M>) -> Block<N, M> {
-        self.normalised(&self.about_centre(member))
-    }
-
-    /// `B_i S(c_i − C)`: a node's modes about the aggregate's centre.
-    #[inline(always)]
-    pub fn about_centre<const N: usize>(&self, node: &Frame<N, M>) -> Block<N, M> {
-        node.about(self.frame.centre)
+        self.normalised(&member.about(self.frame.centre))
     }
 
     /// `X R⁻¹`.

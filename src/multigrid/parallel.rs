@@ -2,7 +2,7 @@
 //! [widest registers](dispatch_simd).
 
 use super::sparse::Pattern;
-use crate::parallel::{parts, pieces, share};
+use crate::parallel::{parts, share};
 use crate::registers::dispatch_simd;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -11,17 +11,7 @@ use std::ops::Range;
 pub(super) const GRAIN: usize = 512;
 
 pub(super) fn for_each_row<T: Send>(values: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
-    let rows = |start: usize, values: &mut [T]| {
-        dispatch_simd(
-            #[inline(always)]
-            || {
-                for (row, value) in (start..).zip(values.iter_mut()) {
-                    f(row, value);
-                }
-            },
-        );
-    };
-    pieces(values, &rows);
+    for_each_row_of(0..values.len(), GRAIN, OneEach(values), f);
 }
 
 /// Calls `f(start, chunk, chunk, workspace)` for chunks of a given length of two vectors. Every thread has consecutive chunks and one workspace;
