@@ -83,12 +83,8 @@ impl BlockPattern {
 
     /// The particles of higher number that a particle is coupled to, ascending.
     pub fn neighbours_above(&self, particle: usize) -> impl Iterator<Item = usize> + '_ {
-        self.blocks_above(particle).iter().map(|&(neighbour, _)| neighbour as usize)
-    }
-
-    /// These particles with the offsets of their blocks.
-    fn blocks_above(&self, particle: usize) -> &[(u32, u32)] {
-        &self.neighbours[self.starts[particle] as usize..self.starts[particle + 1] as usize]
+        let range = self.starts[particle] as usize..self.starts[particle + 1] as usize;
+        self.neighbours[range].iter().map(|&(neighbour, _)| neighbour as usize)
     }
 
     /// Number of values in the columns of the particles before this one.

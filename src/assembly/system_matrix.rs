@@ -73,6 +73,7 @@ impl SpringPattern {
         }
         Ok(Self { pattern: Arc::new(pattern), starts, incidences })
     }
+
     #[inline]
     fn incidences(&self, particle: usize) -> &[Incidence] {
         &self.incidences[self.starts[particle]..self.starts[particle + 1]]
@@ -187,7 +188,6 @@ pub fn assemble_afresh(operator: &SystemOperator) -> Vec<MatrixEntry> {
 /// Least values for a thread: some ten microseconds of work.
 const GRAIN: usize = 16_384;
 
-/// The input of a refill.
 #[derive(Clone, Copy)]
 struct Filling<'a> {
     springs: &'a SpringPattern,
@@ -220,24 +220,10 @@ impl Filling<'_> {
             let (own, others) =
                 rest.split_at_mut(pattern.values_before(particle + 1) - pattern.values_before(particle));
             self.fill_particle(particle, own);
-            self.add_external(particle, own);
             rest = others;
         }
     }
 
-    /// Adds the derivatives of external forces to the diagonal block.
-    fn add_external(&self, particle: usize, own: &mut [f64]) {
-        let Some(block) = self.operator.external().get(particle) else { return };
-        let (pattern, free) = (self.springs.pattern(), self.operator.system().dofs().free_axes(particle));
-        for (column, c) in free.iter().enumerate() {
-            let start = pattern.column(particle, column).start - pattern.values_before(particle);
-            for (value, r) in own[start..].iter_mut().zip(free.iter().skip(column)) {
-                *value += block[(r, c)];
-            }
-        }
-    }
-
-    /// Overwrites the columns of a particle.
     fn fill_particle(&self, particle: usize, own: &mut [f64]) {
         let system = self.operator.system();
         let (pattern, free) = (self.springs.pattern(), system.dofs().free_axes(particle));
@@ -260,6 +246,9 @@ impl Filling<'_> {
                     *value -= block[(r, c)];
                 }
             }
+        }
+        if let Some(external) = self.operator.external().get(particle) {
+            diagonal += external;
         }
         for (column, c) in free.iter().enumerate() {
             for (value, r) in own[start(column)..].iter_mut().zip(free.iter().skip(column)) {

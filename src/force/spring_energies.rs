@@ -12,8 +12,8 @@
 //! count only where the step resolves the spring's own motion, `h² k/(l0 μ) ≤ 1` and `h b/μ ≤ 1` with the reduced mass μ of its ends: beyond that,
 //! rates at the ends of steps say nothing about what happens between.
 //!
-//! A method whose last force evaluation is at the end of the step makes the pass along with it. Verlet's velocities are then predicted ones or those
-//! of the middle of the step; rates are off by an O(h²) that changes slowly, and the integral stays right to fourth order.
+//! A method whose last force evaluation is at the end of the step makes the pass along with it. Verlet's rates are then off by an O(h²) that changes
+//! slowly, and the integral stays right to fourth order.
 //!
 //! The damping of springs that end in a moving prescribed particle is counted elsewhere (`integrate::monitor::work`): their rates jump at kinks of
 //! the path.
@@ -245,7 +245,7 @@ impl Step<'_> {
                     let [mut elastic, mut dissipated, mut certain] = [[0.0; BATCH]; 3];
                     for batch in batches {
                         // Slots behind the last spring keep earlier ones, which add nothing without stiffness and damping.
-                        let count = forces.gather::<true>(&at, &mut ends);
+                        let count = forces.gather(&at, &mut ends);
                         if let Some(force) = &mut force {
                             forces.set_pulls()?;
                             forces.add_forces(count, 0, force, &mut accumulator);

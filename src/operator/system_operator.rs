@@ -203,13 +203,6 @@ impl<'s> SystemOperator<'s> {
         self.blocks.iter().all(|block| block.lowest() >= 0.0) && self.external.iter().all(is_positive)
     }
 
-    fn add_external(&self, w: &[f64], y: &mut [f64]) {
-        let dofs = self.system.dofs();
-        for (particle, block) in self.external.iter().enumerate() {
-            dofs.add(y, particle, &(block * dofs.get(w, particle)));
-        }
-    }
-
     /// The system.
     pub fn system(&self) -> &'s System {
         self.system
@@ -223,10 +216,6 @@ impl<'s> SystemOperator<'s> {
     /// The block of every active spring.
     pub fn blocks(&self) -> &[SpringBlock] {
         &self.blocks
-    }
-    #[inline]
-    fn ends_and_blocks(&self) -> impl Iterator<Item = ([usize; 2], &SpringBlock)> {
-        self.system.active().map(|(_, pair, _)| pair).zip(&self.blocks)
     }
 
     /// `b_f −= A_fc δx_c`: moves the displacement of prescribed coordinates to the right-hand side.
@@ -259,6 +248,7 @@ fn combined(at: &Derivatives, option: Stiffness, combination: Combination) -> Ma
     let part = |matrix: &Matrix3<f64>| if option == Stiffness::Full { *matrix } else { negative_part(matrix) };
     part(&at.damping) * combination.damping + part(&at.stiffness) * combination.stiffness
 }
+
 pub(crate) fn negative_part(matrix: &Matrix3<f64>) -> Matrix3<f64> {
     if lowest(&-matrix) >= 0.0 {
         return *matrix;
@@ -279,7 +269,10 @@ impl LinearOperator for SystemOperator<'_> {
             return y.fill(f64::NAN);
         }
         self.stream.multiply(self.system, &self.blocks, &self.inertia, w, y);
-        self.add_external(w, y);
+        let dofs = self.system.dofs();
+        for (particle, block) in self.external.iter().enumerate() {
+            dofs.add(y, particle, &(block * dofs.get(w, particle)));
+        }
     }
 }
 
@@ -288,7 +281,7 @@ impl BlockDiagonal for SystemOperator<'_> {
         for (block, mass) in blocks.iter_mut().zip(self.system.masses()) {
             *block = Matrix3::from_diagonal_element(self.mass * mass);
         }
-        for (pair, block) in self.ends_and_blocks() {
+        for ((_, pair, _), block) in self.system.active().zip(&self.blocks) {
             let matrix = block.matrix();
             pair.into_iter().for_each(|end| blocks[end] += matrix);
         }
