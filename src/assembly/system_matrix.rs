@@ -147,8 +147,7 @@ impl SystemMatrix {
         matrix
     }
 
-    /// Recomputes all values from the operator's blocks, without sorting, searching or allocating; in parallel, with the same bits for any number of
-    /// threads.
+    /// Recomputes all values from the operator's blocks, without searching or allocating; the same bits for any number of threads.
     pub fn refill(&mut self, operator: &SystemOperator) {
         Filling { springs: &self.springs, operator }.fill_all(&mut self.matrix.values);
     }

@@ -60,8 +60,7 @@ pub fn add_damping_force(
     });
 }
 
-/// Adds K δx for a `displacement` δx, in m: `−K^s (δx_i − δx_j)` on end i of every spring and the opposite on end j, and the stiffness of external
-/// forces.
+/// Adds K δx for a `displacement` δx, in m: `−K^s (δx_i − δx_j)` on end i of every spring, the opposite on end j, and external forces.
 pub fn add_elastic_differential(
     system: &System,
     extensions: &SpringGeometry,

@@ -167,8 +167,7 @@ impl<'s> SpringEnergies<'s> {
         Ok(())
     }
 
-    /// Visits the springs at the end of a step of dt seconds, with the velocities of the method's force evaluation; not at a state of another system,
-    /// which is refused when it is entered.
+    /// Visits the springs at the end of a step of dt seconds, with the velocities of the method's force evaluation; not at a foreign state.
     pub(crate) fn see(&mut self, at: &StateView<'_>, dt: f64) {
         if at.positions.len() == self.system.particles() {
             self.ahead = Some(self.pass(at, dt));

@@ -73,8 +73,7 @@ pub struct Analysis {
 }
 
 impl Analysis {
-    /// Checks that there is memory for ordering and analysis first: at most 64 bytes for an entry or a row of the matrix, by lowering the limit on
-    /// memory until a run failed.
+    /// Checks first that there is memory, at most 64 bytes for an entry or a row, by lowering the limit on memory until a run failed.
     pub(super) fn estimate(pattern: &BlockPattern) -> Result<OrderingEstimate> {
         memory::ensure(64 * (pattern.entries() + pattern.order()) as u64, "the analysis of the matrix")?;
         Ok(OrderingEstimate::new(pattern))

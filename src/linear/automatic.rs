@@ -33,8 +33,7 @@ const FIRST_TRIAL: u64 = 16;
 /// Degrees of freedom beyond which nothing is analysed: ordering alone would take seconds.
 const LARGEST_ANALYSED: usize = 1_500_000;
 
-/// Factor operations per spring up to which a matrix that may be indefinite is factored: unlike conjugate gradients, a factorization proves
-/// definiteness.
+/// Factor operations per spring up to which a matrix that may be indefinite is factored, as only that proves definiteness.
 const WORTH_PROVING: f64 = 3e5;
 
 /// Creates the solver. `Auto` factors what is small, or worth a proof of definiteness, and fits half of the memory; otherwise block Jacobi, multigrid

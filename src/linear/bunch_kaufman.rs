@@ -173,8 +173,7 @@ impl Factorization<BunchKaufman> {
         }
     }
 
-    /// Column c of L below its unit diagonal. Inside a block of order 2 the entry beside the diagonal is B's, not L's, and faer stores it apart: L
-    /// has a zero there.
+    /// Column c of L below its unit diagonal: zero inside a block of order 2, whose entry beside the diagonal faer stores apart.
     fn column(&self, s: Supernode, c: usize) -> &[f64] {
         &self.analysis.values[s.diagonal(c) + 1..s.values + (c + 1) * s.rows()]
     }

@@ -22,13 +22,11 @@ use super::substitution::columns;
 /// u, the unit of rounding.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Pivots and entries of L up to this, and down to its inverse, keep underflows harmless: one is at most `2^−1074 · 2^600` in a row sum, and all of
-/// them together are below `2^−300 < 1e-90`.
+/// Pivots and entries of L up to this, and down to its inverse: an underflow is at most `2^−1074 · 2^600` in a row sum, all are below 1e-90.
 const LARGEST: f64 = 1e120;
 
 impl<K: FactorKind> Factorization<K> {
-    /// ε for the last factored matrix and its `L D Lᵀ` without pivoting, W the identity where there are no weights. Infinite where the factor is not
-    /// finite.
+    /// ε for the last factored matrix, W the identity where there are no weights; infinite where the factor is not finite.
     pub(crate) fn rounding_bound(&self, weights: Option<&[f64]>) -> f64 {
         let n = self.analysis.symbolic.nrows();
         let (mut sums, mut terms, mut is_sound) = (vec![0.0; n], vec![0.0; n], true);
@@ -47,8 +45,7 @@ impl<K: FactorKind> Factorization<K> {
         // Sums of at most n terms, each of a product with a sum of at most n: computed below their value by this part at most.
         let of_sums = 1.0 + 4.0 * (n as f64 + 8.0) * U;
         let row = |k: usize| {
-            // 8 roundings of one term `l_ik d_k l_jk` beside those of the sum: two products, the reciprocal of the pivot and the product with it for
-            // each factor, and the last division.
+            // Beside the sum's, 8 roundings of a term: two products, the pivot's reciprocal and its product for each factor, the last division.
             let m = (terms[k] + 8.0) * U;
             let weight = weights.map_or(1.0, |weights| weights[self.analysis.row(k)]);
             (m / (1.0 - m) * sums[k] + 1e-90) * of_sums / weight

@@ -14,8 +14,7 @@ use crate::work::Work;
 use faer::Par;
 use std::sync::Arc;
 
-/// Backward error up to which an LDLᵀ solution is accepted: well above the 30 units in the last place of a stable solve, and a hundredth of the
-/// default tolerance of conjugate gradients.
+/// Backward error up to which an LDLᵀ solution is accepted: above the 30 units in the last place of a stable solve, a hundredth of CG's default.
 const TRUSTED_BACKWARD_ERROR: f64 = 1e-12;
 
 /// The assembled matrix and the residual of its solutions.

@@ -55,8 +55,7 @@ pub struct Factorization<K> {
 /// Sparse Cholesky factorization `A = L Lᵀ`: exists if and only if A is positive definite (to rounding).
 pub type Cholesky = Factorization<Llt>;
 
-/// Sparse factorization `A = L D Lᵀ` without pivoting: D may have either sign, so A may be indefinite, but then nothing keeps the rounding errors
-/// small. Check the residual.
+/// Sparse factorization `A = L D Lᵀ` without pivoting; where A is indefinite nothing keeps rounding errors small: check the residual.
 pub type Ldlt = Factorization<Ldl>;
 
 /// B and the choice of pivots: [`Llt`], [`Ldl`] or [`BunchKaufman`](super::BunchKaufman).
@@ -139,8 +138,7 @@ impl<K: FactorKind> Factorization<K> {
         Self { analysis, kind }
     }
 
-    /// As [`analyse`](Self::analyse), from an estimate and without memory for the factor, which must be [allocated](Self::allocate) before anything
-    /// is factored.
+    /// As [`analyse`](Self::analyse), from an estimate; memory for the factor must be [allocated](Self::allocate) before anything is factored.
     pub(super) fn plan(pattern: &BlockPattern, estimate: OrderingEstimate, par: Par) -> Result<Self> {
         Ok(Self::with_analysis(Analysis::new(pattern, estimate, par)?))
     }
@@ -304,8 +302,8 @@ impl Factorization<Ldl> {
         self.pivots().all(|(_, d)| d > 0.0)
     }
 
-    /// A direction of negative curvature of the last factored matrix: `u = L⁻ᵀ e_j/d_j`, for which `uᵀAu = 1/d_j`, with j the most negative pivot.
-    /// Returns whether there is one that fits the length of u; not normalised.
+    /// A direction of negative curvature, not normalised: `u = L⁻ᵀ e_j/d_j` with `uᵀAu = 1/d_j`, j the most negative pivot. Returns whether there is
+    /// one that fits the length of u.
     pub fn negative_direction(&mut self, u: &mut [f64]) -> bool {
         let Self { analysis, .. } = self;
         if u.len() != analysis.symbolic.nrows() {

@@ -49,9 +49,7 @@ use crate::operator::SystemOperator;
 use crate::work::Work;
 use nalgebra::Vector3;
 
-/// Solves `A x = b` for a sequence of matrices of one system.
-///
-/// The example `own_solver` hands a custom solver to a stepper by `with_solver`.
+/// Solves `A x = b` for a sequence of matrices of one system. The example `own_solver` hands a custom solver to a stepper by `with_solver`.
 pub trait LinearSolver: Send {
     /// The solver's name on the command line and in files.
     fn name(&self) -> &'static str;

@@ -275,8 +275,7 @@ impl<'v, const N: usize> Columns<'v, N> {
         }
     }
 
-    /// Prefetches `ahead` numbers from the start, a line for every column and eight rows: after all rows this covers as much memory as the columns
-    /// hold.
+    /// Prefetches `ahead` numbers from the start, a line for every column and eight rows: in all as much memory as the columns hold.
     #[inline(always)]
     fn prefetch(&self, eight: usize, ahead: usize) {
         for n in 0..N {

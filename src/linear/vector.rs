@@ -23,8 +23,8 @@ pub fn backward_error(residual: &[f64], matrix_norm: f64, x: &[f64], b: &[f64]) 
     if residual == 0.0 { 0.0 } else { residual / (matrix_norm * max_norm(x) + max_norm(b)) }
 }
 
-/// The power of two that scales a right-hand side before `A x = b` is solved, so that no product under- or overflows: 1 for norms between 1e-100 and
-/// 1e100, otherwise one that makes the largest entry about 1. Powers of two round nothing.
+/// The power of two that scales a right-hand side so that no product under- or overflows: 1 for norms between 1e-100 and 1e100, otherwise one that
+/// makes the largest entry about 1.
 pub(super) fn scaling(b: &[f64]) -> f64 {
     if (1e-100..1e100).contains(&norm(b)) {
         return 1.0;

@@ -21,8 +21,7 @@
 
 use super::block::{Block, add_product, add_transposed_product, zero};
 
-/// A motion is dropped where the part of its column that other columns do not span is below this share of the whole. R comes from a Gram matrix,
-/// whose squares lose parts below 1e-8.
+/// Least independent share of a motion's column that is kept: R comes from a Gram matrix, whose squares lose parts below 1e-8.
 const INDEPENDENT: f64 = 1e-4;
 
 #[derive(Debug, Clone, Copy)]

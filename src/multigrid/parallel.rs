@@ -14,8 +14,7 @@ pub(super) fn for_each_row<T: Send>(values: &mut [T], f: impl Fn(usize, &mut T) 
     for_each_row_of(0..values.len(), GRAIN, OneEach(values), f);
 }
 
-/// Calls `f(start, chunk, chunk, workspace)` for chunks of a given length of two vectors. Every thread has consecutive chunks and one workspace;
-/// missing ones are clones of the first.
+/// Calls `f(start, chunk, chunk, workspace)` for chunks of two vectors; every thread has consecutive ones and a clone of the first workspace.
 pub(super) fn for_chunks<T: Send, U: Send, R: Clone + Send>(
     first: &mut [T],
     second: &mut [U],

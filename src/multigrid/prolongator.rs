@@ -62,8 +62,8 @@ impl Sparsity {
             strongest_first(row, graph, aggregates, coupled.columns(row), &mut others);
             let all: f64 = graph.edges(row).map(|(_, weight)| weight).sum();
             let mut left_out = 0.0;
-            // Each below 15 % of the node's couplings (at a fifth, without a limit in all, a lattice of 46³ takes 26 iterations instead of 16), and a
-            // quarter in all: a node of a network may be coupled to as many aggregates as nodes.
+            // Each below 15 % of the node's couplings (at a fifth, without a limit in all, a lattice of 46³ takes 26 iterations, not 16),
+            // a quarter in all.
             while let Some(&(_, weight)) = others.last() {
                 left_out += weight;
                 if weight >= 0.15 * all || left_out > 0.25 * all {

@@ -45,8 +45,7 @@ impl SpringStream {
         Self { parts, sign: 1.0 }
     }
 
-    /// Recomputes the numbers from the blocks of the active springs, without allocating. Those whose β has the other sign are multiplied by their
-    /// matrix.
+    /// Recomputes the numbers from the blocks of the active springs, without allocating; those whose β has the other sign go by their matrix.
     pub fn update(&mut self, system: &System, blocks: &[SpringBlock], sign: f64) {
         self.sign = sign;
         let springs = Springs { system, blocks, sign };

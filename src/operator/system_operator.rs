@@ -109,8 +109,7 @@ impl<'s> SystemOperator<'s> {
         self.set(extensions, combination, option, |_| option);
     }
 
-    /// As [`update`](Self::update), with an option for every active spring by its position among them; external forces are treated as under
-    /// `tension`.
+    /// As [`update`](Self::update), with an option for every active spring by its position; external forces are treated as under `tension`.
     pub fn update_each(
         &mut self,
         extensions: &SpringGeometry,
@@ -135,8 +134,8 @@ impl<'s> SystemOperator<'s> {
         });
     }
 
-    /// Sets the operator to `mass·M` plus any block a spring, +B on both its diagonal blocks and −B between its ends, without allocating. `block`
-    /// gets the position among the active springs, the spring, and its extension.
+    /// Sets the operator to `mass·M` plus a block for every spring, by its position among the active ones: +B on both its diagonal blocks and −B
+    /// between its ends.
     pub fn set_blocks(
         &mut self,
         extensions: &SpringGeometry,
@@ -218,9 +217,7 @@ impl<'s> SystemOperator<'s> {
         &self.blocks
     }
 
-    /// `b_f −= A_fc δx_c`: moves the displacement of prescribed coordinates to the right-hand side.
-    ///
-    /// `displacement` is full-length, in m, and zero on free axes; `rhs` is reduced.
+    /// `b_f −= A_fc δx_c`: moves the displacement of prescribed coordinates, full-length, in m, zero on free axes, to the reduced right-hand side.
     pub fn subtract_coupling(&self, displacement: &[Vector3<f64>], rhs: &mut [f64]) {
         let dofs = self.system.dofs();
         for &position in &self.coupled {
@@ -242,8 +239,7 @@ pub(super) fn lowest(block: &Matrix3<f64>) -> f64 {
     if xy == 0.0 && xz == 0.0 && yz == 0.0 { block.diagonal().min() } else { block.symmetric_eigenvalues().min() }
 }
 
-/// `damping·D + stiffness·S` of the derivatives D and S at a particle, or of their negative semidefinite parts under options that keep matrices
-/// definite.
+/// `damping·D + stiffness·S` at a particle, or of their negative semidefinite parts under options that keep matrices definite.
 fn combined(at: &Derivatives, option: Stiffness, combination: Combination) -> Matrix3<f64> {
     let part = |matrix: &Matrix3<f64>| if option == Stiffness::Full { *matrix } else { negative_part(matrix) };
     part(&at.damping) * combination.damping + part(&at.stiffness) * combination.stiffness
