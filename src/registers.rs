@@ -1,7 +1,7 @@
 //! Loops compiled for the widest vector registers that the processor has.
 //!
-//! Inlined code is compiled for every kind of processor that [`pulp`] distinguishes, without reordering or fusing: the
-//! results are the same to the bit.
+//! Inlined code is compiled for every kind of processor that [`pulp`] distinguishes, without reordering or fusing: the results are the same to the
+//! bit.
 
 /// Calls the closure by reference: a closure taken by value would be compiled once, for no processor in particular.
 struct ByReference<'f, F>(&'f mut F);

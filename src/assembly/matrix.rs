@@ -160,8 +160,7 @@ impl SymmetricMatrix {
         }
     }
 
-    /// The stored lower triangle as faer's sparse type, without a copy. Use it with `Side::Lower`;
-    /// `to_owned` makes faer's owning type of it.
+    /// The stored lower triangle as faer's sparse type, without a copy. Use it with `Side::Lower`; `to_owned` makes faer's owning type of it.
     pub fn as_faer(&self) -> SparseColMatRef<'_, u32, f64> {
         SparseColMatRef::new(self.pattern.symbolic(), &self.values)
     }
@@ -176,17 +175,6 @@ impl SymmetricMatrix {
             }
         }
         sums.iter().fold(0.0, |largest, &sum| if sum <= largest { largest } else { sum })
-    }
-
-    /// `y = A w`, with lengths checked; [`apply`](LinearOperator::apply) is the same without an error.
-    ///
-    /// # Errors
-    /// [`Invalid`](crate::error::Invalid) for vectors whose length is not the order of A.
-    pub fn multiply(&self, w: &[f64], y: &mut [f64]) -> Result<()> {
-        check_length("w", w.len(), self.pattern.order())?;
-        check_length("y", y.len(), self.pattern.order())?;
-        self.apply(w, y);
-        Ok(())
     }
 
     /// Entries (row, column, value) of the stored lower triangle, by columns, rows ascending.
@@ -270,7 +258,6 @@ mod tests {
     use super::{BlockDiagonal, BlockPattern, LinearOperator, SymmetricMatrix};
     use crate::system::DofMap;
     use nalgebra::Matrix3;
-    use nalgebra_sparse::CscMatrix;
     use std::sync::Arc;
 
     /// Two particles with blocks `[2 −1 0; −1 3 0; 0 0 5]`, `−7 E` and `4 E` (row 2, column 1), E the matrix with a one in its first corner.
@@ -336,7 +323,7 @@ mod tests {
         a.shift(2.0);
         assert_eq!(entries(&a), [0, 1, 2, 3, 4, 5].map(|row| (row, row, 2.0)));
         let a = matrix();
-        let whole = CscMatrix::from(&a);
+        let whole = a.to_csc();
         let value = |row, column| whole.get_entry(row, column).map_or(0.0, |entry| entry.into_value());
         for row in 0..6 {
             for column in 0..6 {
@@ -361,11 +348,9 @@ mod tests {
         let mut a = SymmetricMatrix::zeros(Arc::new(
             BlockPattern::new(&DofMap::unconstrained(2), [[0, 1]].into_iter()).unwrap(),
         ));
-        assert!(a.scale(&[1.0; 6]).is_ok() && a.multiply(&[1.0; 6], &mut [0.0; 6]).is_ok());
+        assert!(a.scale(&[1.0; 6]).is_ok());
         for length in [0, 5, 7] {
             assert!(a.scale(&vec![1.0; length]).is_err(), "{length}");
-            assert!(a.multiply(&vec![1.0; length], &mut [0.0; 6]).is_err(), "{length}");
-            assert!(a.multiply(&[1.0; 6], &mut vec![0.0; length]).is_err(), "{length}");
             let mut y = [0.0; 6];
             a.apply(&vec![1.0; length], &mut y);
             assert!(y.iter().all(|y| y.is_nan()), "{length}");

@@ -1,8 +1,8 @@
 //! The sparsity pattern of a symmetric matrix of particle blocks, and the slots of its blocks.
 //!
-//! Rows are numbered by particle, then axis. In the columns of particle j the lower triangle holds first the diagonal
-//! block's part, then the blocks of the coupled particles i > j in ascending order. Block (i, j) therefore starts at the
-//! same distance behind the diagonal part in each of j's columns: this one number is its slot.
+//! Rows are numbered by particle, then axis. In the columns of particle j the lower triangle holds first the diagonal block's part, then the blocks
+//! of the coupled particles i > j in ascending order. Block (i, j) therefore starts at the same distance behind the diagonal part in each of j's
+//! columns: this one number is its slot.
 
 use crate::error::{Invalid, Result};
 use crate::operator::group;
@@ -25,15 +25,13 @@ pub struct BlockSlot {
 pub struct BlockPattern {
     dofs: DofMap,
     symbolic: SymbolicSparseColMat<u32>,
-    /// Coupled particles below the diagonal: neighbours[starts[j]..starts[j + 1]] is ascending and above j, each with its
-    /// offset.
+    /// Coupled particles below the diagonal: neighbours[starts[j]..starts[j + 1]] is ascending and above j, each with its offset.
     starts: Vec<u32>,
     neighbours: Vec<(u32, u32)>,
 }
 
 impl BlockPattern {
-    /// The pattern with every particle's diagonal block and the blocks of the given pairs, in any order and
-    /// orientation, repeats allowed.
+    /// The pattern with every particle's diagonal block and the blocks of the given pairs, in any order and orientation, repeats allowed.
     ///
     /// # Errors
     /// A pair that names a particle out of range or joins one to itself; more entries than 32-bit indices can count.
@@ -85,12 +83,8 @@ impl BlockPattern {
 
     /// The particles of higher number that a particle is coupled to, ascending.
     pub fn neighbours_above(&self, particle: usize) -> impl Iterator<Item = usize> + '_ {
-        self.blocks_above(particle).iter().map(|&(neighbour, _)| neighbour as usize)
-    }
-
-    /// These particles with the offsets of their blocks.
-    fn blocks_above(&self, particle: usize) -> &[(u32, u32)] {
-        &self.neighbours[self.starts[particle] as usize..self.starts[particle + 1] as usize]
+        let range = self.starts[particle] as usize..self.starts[particle + 1] as usize;
+        self.neighbours[range].iter().map(|&(neighbour, _)| neighbour as usize)
     }
 
     /// Number of values in the columns of the particles before this one.

@@ -1,8 +1,8 @@
 //! A system's M, G, K and A as assembled matrices: their pattern, the slot map, and the refill.
 //!
-//! The columns of a particle are contiguous values, to which every spring that ends in it adds. So each particle gathers
-//! from its own springs, in their order: no two particles write to one place, and every entry adds up in one order for any
-//! number of threads, at the price of computing each 3×3 block twice.
+//! The columns of a particle are contiguous values, to which every spring that ends in it adds. So each particle gathers from its own springs, in
+//! their order: no two particles write to one place, and every entry adds up in one order for any number of threads, at the price of computing each
+//! 3×3 block twice.
 
 use super::triplets::{BlockTriplet, MatrixEntry, assemble};
 use super::{BlockPattern, SymmetricMatrix};
@@ -73,6 +73,7 @@ impl SpringPattern {
         }
         Ok(Self { pattern: Arc::new(pattern), starts, incidences })
     }
+
     #[inline]
     fn incidences(&self, particle: usize) -> &[Incidence] {
         &self.incidences[self.starts[particle]..self.starts[particle + 1]]
@@ -146,8 +147,7 @@ impl SystemMatrix {
         matrix
     }
 
-    /// Recomputes all values from the operator's blocks, without sorting, searching or allocating; in parallel, with the
-    /// same bits for any number of threads.
+    /// Recomputes all values from the operator's blocks, without searching or allocating; the same bits for any number of threads.
     pub fn refill(&mut self, operator: &SystemOperator) {
         Filling { springs: &self.springs, operator }.fill_all(&mut self.matrix.values);
     }
@@ -163,8 +163,7 @@ impl SystemMatrix {
     }
 }
 
-/// Assembles an operator from all block triplets, sorted and added up: slow and simple, and the reference for
-/// [`SystemMatrix::refill`], to the bit.
+/// Assembles an operator from all block triplets, sorted and added up: slow and simple, and the reference for [`SystemMatrix::refill`], to the bit.
 pub fn assemble_afresh(operator: &SystemOperator) -> Vec<MatrixEntry> {
     let system = operator.system();
     let mass = |p| BlockTriplet {
@@ -188,7 +187,6 @@ pub fn assemble_afresh(operator: &SystemOperator) -> Vec<MatrixEntry> {
 /// Least values for a thread: some ten microseconds of work.
 const GRAIN: usize = 16_384;
 
-/// The input of a refill.
 #[derive(Clone, Copy)]
 struct Filling<'a> {
     springs: &'a SpringPattern,
@@ -221,24 +219,10 @@ impl Filling<'_> {
             let (own, others) =
                 rest.split_at_mut(pattern.values_before(particle + 1) - pattern.values_before(particle));
             self.fill_particle(particle, own);
-            self.add_external(particle, own);
             rest = others;
         }
     }
 
-    /// Adds the derivatives of external forces to the diagonal block.
-    fn add_external(&self, particle: usize, own: &mut [f64]) {
-        let Some(block) = self.operator.external().get(particle) else { return };
-        let (pattern, free) = (self.springs.pattern(), self.operator.system().dofs().free_axes(particle));
-        for (column, c) in free.iter().enumerate() {
-            let start = pattern.column(particle, column).start - pattern.values_before(particle);
-            for (value, r) in own[start..].iter_mut().zip(free.iter().skip(column)) {
-                *value += block[(r, c)];
-            }
-        }
-    }
-
-    /// Overwrites the columns of a particle.
     fn fill_particle(&self, particle: usize, own: &mut [f64]) {
         let system = self.operator.system();
         let (pattern, free) = (self.springs.pattern(), system.dofs().free_axes(particle));
@@ -261,6 +245,9 @@ impl Filling<'_> {
                     *value -= block[(r, c)];
                 }
             }
+        }
+        if let Some(external) = self.operator.external().get(particle) {
+            diagonal += external;
         }
         for (column, c) in free.iter().enumerate() {
             for (value, r) in own[start(column)..].iter_mut().zip(free.iter().skip(column)) {
@@ -286,8 +273,8 @@ mod tests {
     use crate::system::{Axes, Constraint, Motion, State, SystemBuilder};
     use nalgebra::Vector3;
 
-    /// A crooked chain, long enough for several threads, with springs to the next and the third particle, some repeated, some
-    /// damped; some particles are held, or held along some axes.
+    /// A crooked chain, long enough for several threads, with springs to the next and the third particle, some repeated, some damped; some particles
+    /// are held, or held along some axes.
     fn chain(dimension: usize) -> (System, State) {
         const PARTICLES: usize = 2500;
         let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };

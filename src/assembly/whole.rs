@@ -6,8 +6,7 @@ use crate::memory;
 use crate::operator::group;
 use rayon::prelude::*;
 
-/// Both triangles by compressed columns, rows ascending in each. All numbers are below 2³¹, so that they are valid as
-/// signed ones too.
+/// Both triangles by compressed columns, rows ascending in each. All numbers are below 2³¹, so that they are valid as signed ones too.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WholeColumns {
     /// The first entry of each column, and the number of entries.
@@ -133,8 +132,8 @@ mod tests {
         SpringPattern::of_stiffness(&builder.build().unwrap().0).unwrap()
     }
 
-    /// What is asked for is what is held, and no more than a quarter beside it: of a matrix whose diagonal is most of it, and of one
-    /// whose neighbours are.
+    /// What is asked for is what is held, and no more than a quarter beside it: of a matrix whose diagonal is most of it, and of one whose neighbours
+    /// are.
     #[test]
     fn memory_is_asked_for_as_it_is_taken() {
         for pattern in [row(3, false), row(1, true), row(3, true)].map(Arc::new) {

@@ -1,8 +1,8 @@
 //! Spring forces in vectorized batches.
 //!
 //! Three loops run over each batch: the first gathers positions, velocities and parameters, the second computes all tensions without a branch, so
-//! that square roots and divisions vectorize, and the third adds the forces to the ends in the order of the springs. The operations on each
-//! number are those for a single spring, so results do not depend on where batches begin.
+//! that square roots and divisions vectorize, and the third adds the forces to the ends in the order of the springs. The operations on each number
+//! are those for a single spring, so results do not depend on where batches begin.
 //!
 //! With `d = x_i − x_j` and `l = ‖d‖` the force on end i is
 //!
@@ -38,7 +38,7 @@ impl<'a, I: Iterator<Item = Ends<'a>>> pulp::NullaryFnOnce for AddForces<'a, I> 
         let Self { at, mut springs, first, total } = self;
         let (mut batch, mut accumulator) = (Batch::new(), Accumulator::new());
         loop {
-            let count = batch.gather::<false>(at, &mut springs);
+            let count = batch.gather(at, &mut springs);
             batch.set_pulls()?;
             batch.add_forces(count, first, total, &mut accumulator);
             if count < BATCH {
@@ -49,7 +49,6 @@ impl<'a, I: Iterator<Item = Ends<'a>>> pulp::NullaryFnOnce for AddForces<'a, I> 
     }
 }
 
-/// A spring has coincident ends.
 pub(super) struct Coincident;
 
 /// The arrays of a batch. An incomplete batch keeps values of the previous one, which are not used.
@@ -67,7 +66,7 @@ pub(super) struct Batch {
     pub length: List,
     /// 1/l.
     pub inverse: List,
-    /// d·Δv of all springs, if requested.
+    /// d·Δv of all springs.
     pub product: List,
 }
 
@@ -90,31 +89,21 @@ impl Batch {
         }
     }
 
-    /// Loads the next springs and returns their number; `PRODUCTS` requests `product`.
+    /// Loads the next springs and returns their number.
     #[inline(always)]
-    pub fn gather<'a, const PRODUCTS: bool>(
-        &mut self,
-        at: &StateView<'_>,
-        springs: &mut impl Iterator<Item = Ends<'a>>,
-    ) -> usize {
+    pub fn gather<'a>(&mut self, at: &StateView<'_>, springs: &mut impl Iterator<Item = Ends<'a>>) -> usize {
         let (mut from, mut xi, mut vi) = (u32::MAX, Vector3::zeros(), Vector3::zeros());
         for slot in 0..BATCH {
             let Some(([i, j], spring)) = springs.next() else { return slot };
             if i != from {
                 (from, xi, vi) = (i, at.positions[i as usize], at.velocities[i as usize]);
             }
-            let d = xi - at.positions[j as usize];
-            let is_damped = spring.damping > 0.0;
+            let (d, v) = (xi - at.positions[j as usize], vi - at.velocities[j as usize]);
             self.ends[slot] = [i, j];
             self.d[slot] = d;
             self.squared[slot] = d.norm_squared();
-            if PRODUCTS {
-                let v = vi - at.velocities[j as usize];
-                self.product[slot] = d.dot(&v);
-                self.along[slot] = if is_damped { self.product[slot] } else { 0.0 };
-            } else {
-                self.along[slot] = if is_damped { d.dot(&(vi - at.velocities[j as usize])) } else { 0.0 };
-            }
+            self.product[slot] = d.dot(&v);
+            self.along[slot] = if spring.damping > 0.0 { self.product[slot] } else { 0.0 };
             self.stiffness[slot] = spring.stiffness;
             self.rest_length[slot] = spring.rest_length;
             self.damping[slot] = spring.damping;
@@ -132,7 +121,6 @@ impl Batch {
         }
     }
 
-    /// Computes lengths and tensions.
     #[inline(always)]
     pub fn set_pulls(&mut self) -> Result<(), Coincident> {
         if self.squared.iter().fold(false, |any, &squared| any | (squared == 0.0)) {
@@ -185,7 +173,6 @@ impl Accumulator {
         }
     }
 
-    /// Stores the sum.
     #[inline(always)]
     pub fn flush(&self, first: usize, total: &mut [Vector3<f64>]) {
         if let Some(total) = total.get_mut((self.particle as usize).wrapping_sub(first)) {

@@ -152,8 +152,7 @@ impl SpringGeometry {
         self.values.iter()
     }
 
-    /// The active springs, each with its index, ends, parameters and extension. The parameters are those of the built-in law, or of the
-    /// [tangent](crate::spring::SpringLaw) of a custom one.
+    /// The active springs, each with its index, ends, parameters (those of the [tangent](crate::spring::SpringLaw) of a custom law) and extension.
     pub fn springs<'a>(
         &'a self,
         system: &'a System,

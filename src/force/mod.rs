@@ -60,8 +60,7 @@ pub fn add_damping_force(
     });
 }
 
-/// Adds K δx for a `displacement` δx, in m: `−K^s (δx_i − δx_j)` on end i of every spring and the opposite on end j, and the stiffness of
-/// external forces.
+/// Adds K δx for a `displacement` δx, in m: `−K^s (δx_i − δx_j)` on end i of every spring, the opposite on end j, and external forces.
 pub fn add_elastic_differential(
     system: &System,
     extensions: &SpringGeometry,
@@ -101,13 +100,6 @@ pub fn add_weight(system: &System, force: &mut [Vector3<f64>]) {
     }
 }
 
-/// Adds `D w` for velocities w, in m/s, where D is the symmetric part of ∂f/∂v of external forces.
-pub fn add_external_damping(extensions: &SpringGeometry, velocities: &[Vector3<f64>], force: &mut [Vector3<f64>]) {
-    for ((force, derivatives), v) in force.iter_mut().zip(extensions.external()).zip(velocities) {
-        *force += derivatives.damping * v;
-    }
-}
-
 /// Adds external forces minus `D v`, their part that is linear in velocities and enters the matrix.
 pub(crate) fn add_undamped_external_forces(
     system: &System,
@@ -121,7 +113,7 @@ pub(crate) fn add_undamped_external_forces(
     }
 }
 
-/// Adds `G w` of springs and external forces.
+/// Adds `G w` of springs and external forces; that of the latter is `D w`, D the symmetric part of their ∂f/∂v.
 pub(crate) fn add_damping_product(
     system: &System,
     extensions: &SpringGeometry,
@@ -129,7 +121,9 @@ pub(crate) fn add_damping_product(
     force: &mut [Vector3<f64>],
 ) {
     add_damping_force(system, extensions, velocities, force);
-    add_external_damping(extensions, velocities, force);
+    for ((force, derivatives), v) in force.iter_mut().zip(extensions.external()).zip(velocities) {
+        *force += derivatives.damping * v;
+    }
 }
 
 /// Adds ∂f/∂t at fixed positions and velocities, in N/s, of gravity, rest lengths and external forces.

@@ -1,23 +1,22 @@
 //! The energy that springs store, and what their damping takes, in one pass over the springs after every step.
 //!
-//! Damping takes the power `b r²`, r = n·Δv the rate at which a spring lengthens. Over a step of h seconds the mean of r is
-//! known exactly, `r̄ = (l' − l)/h`, and r at both ends. In Legendre polynomials the parabola through these three is
-//! `r̄ + (r' − r)(s − ½) + c (6s² − 6s + 1)` with `c = (r + r')/2 − r̄`, so that
+//! Damping takes the power `b r²`, r = n·Δv the rate at which a spring lengthens. Over a step of h seconds the mean of r is known exactly,
+//! `r̄ = (l' − l)/h`, and r at both ends. In Legendre polynomials the parabola through these three is `r̄ + (r' − r)(s − ½) + c (6s² − 6s + 1)` with
+//! `c = (r + r')/2 − r̄`, so that
 //!
 //! ```text
 //! ∫ b r² dt = b h (r̄² + (r' − r)²/12 + c²/5),
 //! ```
 //!
-//! to fourth order. The first term is the least that any motion between these lengths dissipates (Jensen's inequality): it is
-//! *certain*. The others count only where the step resolves the spring's own motion, `h² k/(l0 μ) ≤ 1` and `h b/μ ≤ 1` with
-//! the reduced mass μ of its ends: beyond that, rates at the ends of steps say nothing about what happens between.
+//! to fourth order. The first term is the least that any motion between these lengths dissipates (Jensen's inequality): it is *certain*. The others
+//! count only where the step resolves the spring's own motion, `h² k/(l0 μ) ≤ 1` and `h b/μ ≤ 1` with the reduced mass μ of its ends: beyond that,
+//! rates at the ends of steps say nothing about what happens between.
 //!
-//! A method whose last force evaluation is at the end of the step makes the pass along with it. Verlet's velocities are then
-//! predicted ones or those of the middle of the step; rates are off by an O(h²) that changes slowly, and the integral stays
-//! right to fourth order.
+//! A method whose last force evaluation is at the end of the step makes the pass along with it. Verlet's rates are then off by an O(h²) that changes
+//! slowly, and the integral stays right to fourth order.
 //!
-//! The damping of springs that end in a moving prescribed particle is counted elsewhere (`integrate::monitor::work`): their rates
-//! jump at kinks of the path.
+//! The damping of springs that end in a moving prescribed particle is counted elsewhere (`integrate::monitor::work`): their rates jump at kinks of
+//! the path.
 //!
 //! A slack tension-only spring has no damping: `b ∫ ċ² dt` with `c = max(l, l0)` takes the place of the integral over r.
 //!
@@ -83,8 +82,7 @@ impl RateParabola {
     }
 }
 
-/// The springs of a batch at the last state. Slots without a spring, or with one that another part counts, have neither
-/// stiffness nor damping.
+/// The springs of a batch at the last state. Slots without a spring, or with one that another part counts, have neither stiffness nor damping.
 #[derive(Clone, Default)]
 struct Batch {
     /// k/l0, in N/m.
@@ -140,8 +138,8 @@ impl<'s> SpringEnergies<'s> {
         springs
     }
 
-    /// Does [`set_total_force`] and [`see`](Self::see), in one pass where one thread has all springs, with the same bits except in the
-    /// forces on fixed particles, which nothing depends on.
+    /// Does [`set_total_force`] and [`see`](Self::see), in one pass where one thread has all springs, with the same bits except in the forces on
+    /// fixed particles, which nothing depends on.
     ///
     /// # Errors
     /// A spring whose ends coincide.
@@ -169,8 +167,7 @@ impl<'s> SpringEnergies<'s> {
         Ok(())
     }
 
-    /// Visits the springs at the end of a step of dt seconds, with the velocities of the method's force evaluation; not at a state of
-    /// another system, which is refused when it is entered.
+    /// Visits the springs at the end of a step of dt seconds, with the velocities of the method's force evaluation; not at a foreign state.
     pub(crate) fn see(&mut self, at: &StateView<'_>, dt: f64) {
         if at.positions.len() == self.system.particles() {
             self.ahead = Some(self.pass(at, dt));
@@ -223,8 +220,8 @@ struct Step<'a> {
 }
 
 impl Step<'_> {
-    /// A pass over the springs of some blocks, the first of which is `first`. Where there is a `force` it adds their forces, those on
-    /// fixed ends included: for systems that are not a part of another, without a spring law of the caller's own.
+    /// A pass over the springs of some blocks, the first of which is `first`. Where there is a `force` it adds their forces, those on fixed ends
+    /// included: for systems that are not a part of another, without a spring law of the caller's own.
     ///
     /// # Errors
     /// A spring with coincident ends, where forces are added.
@@ -247,7 +244,7 @@ impl Step<'_> {
                     let [mut elastic, mut dissipated, mut certain] = [[0.0; BATCH]; 3];
                     for batch in batches {
                         // Slots behind the last spring keep earlier ones, which add nothing without stiffness and damping.
-                        let count = forces.gather::<true>(&at, &mut ends);
+                        let count = forces.gather(&at, &mut ends);
                         if let Some(force) = &mut force {
                             forces.set_pulls()?;
                             forces.add_forces(count, 0, force, &mut accumulator);

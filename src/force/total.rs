@@ -99,7 +99,7 @@ fn add_springs(
     system: &System,
     at: &StateView<'_>,
     law: &LawValues,
-    mut numbers: impl Iterator<Item = u32>,
+    numbers: impl Iterator<Item = u32>,
     first: usize,
     total: &mut [Vector3<f64>],
 ) -> Result<(), DegenerateSpring> {
@@ -108,17 +108,14 @@ fn add_springs(
         let added = pulp::Arch::new().dispatch(AddForces { at, springs, first, total });
         return added.map_err(|Coincident| first_degenerate(system, at.positions));
     }
-    numbers.try_for_each(|number| {
-        let [i, j] = system.pair(number as usize);
-        let f = law_force(system, at, law, number as usize, [i, j])?;
-        if let Some(total) = total.get_mut(i.wrapping_sub(first)) {
-            *total += f;
-        }
-        if let Some(total) = total.get_mut(j.wrapping_sub(first)) {
-            *total -= f;
-        }
-        Ok(())
-    })
+    let mut accumulator = Accumulator::new();
+    for number in numbers {
+        let pair = system.pair(number as usize);
+        let f = law_force(system, at, law, number as usize, pair)?;
+        accumulator.add(system.pairs()[number as usize], &f, first, total);
+    }
+    accumulator.flush(first, total);
+    Ok(())
 }
 
 /// The force on end i of a spring whose parameters depend on length or time.

@@ -1,7 +1,7 @@
 //! Symbolic analysis and memory of a sparse factorization, whatever its kind.
 //!
-//! faer's supernodal algorithm is used for every size: it is the faster one from about a thousand rows on, below that
-//! both take microseconds, and the index of a failed pivot follows one convention only.
+//! faer's supernodal algorithm is used for every size: it is the faster one from about a thousand rows on, below that both take microseconds, and the
+//! index of a failed pivot follows one convention only.
 
 use super::ordering::{FactorSize, Ordering, OrderingEstimate, OrderingMethod};
 use super::substitution::{Substitution, Supernode, supernodes};
@@ -73,14 +73,9 @@ pub struct Analysis {
 }
 
 impl Analysis {
-    /// Checks that there is memory for ordering and analysis: at most 64 bytes for an entry or a row of the matrix, by
-    /// lowering the limit on memory until a run failed.
-    pub(super) fn ensure_room(pattern: &BlockPattern) -> Result<()> {
-        memory::ensure(64 * (pattern.entries() + pattern.order()) as u64, "the analysis of the matrix")
-    }
-
+    /// Checks first that there is memory, at most 64 bytes for an entry or a row, by lowering the limit on memory until a run failed.
     pub(super) fn estimate(pattern: &BlockPattern) -> Result<OrderingEstimate> {
-        Self::ensure_room(pattern)?;
+        memory::ensure(64 * (pattern.entries() + pattern.order()) as u64, "the analysis of the matrix")?;
         Ok(OrderingEstimate::new(pattern))
     }
 
@@ -121,13 +116,11 @@ impl Analysis {
         Self { times, values, memory, substitution, symbolic, ..*self }
     }
 
-    /// Bytes of the factor and the work space.
     pub fn bytes(&self) -> u64 {
         let scratch = self.scratch.unaligned_bytes_required() as u64;
         8 * self.symbolic.len_val() as u64 + scratch + Substitution::bytes(&self.symbolic)
     }
 
-    /// Allocates the factor.
     pub fn allocate(&mut self) -> Result<()> {
         let bytes = self.bytes();
         memory::ensure_with_dense_products(bytes, FACTOR)?;
@@ -149,13 +142,8 @@ impl Analysis {
         FactorSize { entries: self.symbolic.len_val(), flops, ordering: self.ordering }
     }
 
-    /// `forward[k]` is the row of A that is eliminated as number k; `None` for the order of A.
-    pub fn forward(&self) -> Option<&[u32]> {
-        self.symbolic.perm().map(|perm| perm.arrays().0)
-    }
-
     /// The row of A that is eliminated as number k.
     pub fn row(&self, k: usize) -> usize {
-        self.forward().and_then(|forward| forward.get(k)).map_or(k, |&row| row as usize)
+        self.symbolic.perm().and_then(|perm| perm.arrays().0.get(k)).map_or(k, |&row| row as usize)
     }
 }

@@ -99,8 +99,7 @@ impl BlockJacobi {
     }
 }
 
-/// `A⁻¹ = L⁻ᵀ D⁻¹ L⁻¹` with `A = L D Lᵀ`, of which the lower triangle is read; `None` unless A is positive definite. Free
-/// of roots and with three divisions: it takes half of a solve with few iterations.
+/// `A⁻¹ = L⁻ᵀ D⁻¹ L⁻¹` with `A = L D Lᵀ`, without roots, from the lower triangle; `None` unless A is positive definite.
 fn inverse(a: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     let d0 = 1.0 / a.m11;
     let (l10, l20) = (a.m21 * d0, a.m31 * d0);

@@ -1,11 +1,11 @@
 //! Sparse `A = L B Lᵀ` for counting the signs of eigenvalues, with or without pivoting.
 //!
-//! Without pivoting B is diagonal. With it, faer pivots inside each supernode's dense triangle as Bunch and Kaufman (1977) do, so
-//! B has blocks of order 1 and 2; the order of the supernodes stays. That keeps the symbolic analysis valid and most, but not
-//! all, rounding errors small: [`PivotedLdlt::multiply`] computes `L B Lᵀ W`, with which the error `A − L B Lᵀ` is measured.
+//! Without pivoting B is diagonal. With it, faer pivots inside each supernode's dense triangle as Bunch and Kaufman (1977) do, so B has blocks of
+//! order 1 and 2; the order of the supernodes stays. That keeps the symbolic analysis valid and most, but not all, rounding errors small:
+//! [`PivotedLdlt::multiply`] computes `L B Lᵀ W`, with which the error `A − L B Lᵀ` is measured.
 
 use super::analysis::Analysis;
-use super::factorization::{FactorKind, Factorization};
+use super::factorization::{FactorKind, Factorization, Ldl};
 use super::substitution::{Supernode, supernodes};
 use crate::assembly::SymmetricMatrix;
 use faer::dyn_stack::MemStack;
@@ -76,31 +76,28 @@ impl FactorKind for BunchKaufman {
 
     /// Never fails: failures show in the pivots and in the error.
     fn factor(&mut self, analysis: &mut Analysis, a: &SymmetricMatrix) -> Result<(), usize> {
-        let Analysis { symbolic, values, memory, par, .. } = analysis;
         let Self { pivoting, subdiagonal, forward, inverse } = self;
-        let (a, stack) = (a.as_faer(), MemStack::new(memory));
         // faer does not write where there is nothing to eliminate.
         subdiagonal.fill(0.0);
         match pivoting {
             Pivoting::None => {
                 forward.iter_mut().zip(0..).for_each(|(k, same)| *k = same);
-                let plain = Default::default();
-                let done = symbolic.factorize_numeric_ldlt(values, a, Side::Lower, plain, *par, stack, Spec::default());
-                if done.is_err() {
+                if Ldl.factor(analysis, a).is_err() {
                     // A pivot vanished, and the factor is incomplete.
-                    values.fill(f64::NAN);
+                    analysis.values.fill(f64::NAN);
                 }
             }
             Pivoting::InSupernodes => {
+                let Analysis { symbolic, values, memory, par, .. } = analysis;
                 symbolic.factorize_numeric_intranode_lblt(
                     values,
                     subdiagonal,
                     forward,
                     inverse,
-                    a,
+                    a.as_faer(),
                     Side::Lower,
                     *par,
-                    stack,
+                    MemStack::new(memory),
                     Spec::default(),
                 );
             }
@@ -176,8 +173,7 @@ impl Factorization<BunchKaufman> {
         }
     }
 
-    /// Column c of L below its unit diagonal. Inside a block of order 2 the entry beside the diagonal is B's, not L's, and
-    /// faer stores it apart: L has a zero there.
+    /// Column c of L below its unit diagonal: zero inside a block of order 2, whose entry beside the diagonal faer stores apart.
     fn column(&self, s: Supernode, c: usize) -> &[f64] {
         &self.analysis.values[s.diagonal(c) + 1..s.values + (c + 1) * s.rows()]
     }
@@ -257,9 +253,8 @@ mod tests {
         assert_eq!(signs, PivotSigns { negative: 1, zero: 3, positive: 2 });
     }
 
-    /// Eigenvalues by hand: `[2 1; 1 3]` has determinant 5 and trace 5, `[-2 1; 1 -3]` the opposite eigenvalues, `[1 1; 1 1]` has
-    /// 0 and 2, `[0 1; 1 0]` has ±1, `[1 2; 2 3]` has determinant −1. What counts is the ratio of the entries, even where their
-    /// products or sums overflow.
+    /// Eigenvalues by hand: `[2 1; 1 3]` has determinant 5 and trace 5, `[-2 1; 1 -3]` the opposite eigenvalues, `[1 1; 1 1]` has 0 and 2,
+    /// `[0 1; 1 0]` has ±1, `[1 2; 2 3]` has determinant −1. What counts is the ratio of the entries, even where their products or sums overflow.
     #[test]
     fn pairs_are_counted_by_the_signs_of_their_eigenvalues() {
         for ([a, b, c], [negative, zero, positive]) in [
@@ -293,8 +288,8 @@ mod tests {
         assert!(error(&a, &factorization) < 1e-14);
     }
 
-    /// `L B Lᵀ` is A to rounding: of a definite matrix without pivoting, and of an indefinite one, with a small diagonal, with it. Many
-    /// supernodes with rows below them, and one alone.
+    /// `L B Lᵀ` is A to rounding: of a definite matrix without pivoting, and of an indefinite one, with a small diagonal, with it. Many supernodes
+    /// with rows below them, and one alone.
     #[test]
     fn products_of_the_factors_are_those_of_the_matrix() {
         for (particles, reach) in [(1, 0), (4, 3), (60, 2)] {

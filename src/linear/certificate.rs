@@ -1,7 +1,7 @@
 //! A rigorous bound on the rounding errors of a sparse factorization `L D Lᵀ` without pivoting.
 //!
-//! Elimination computes `l_ij d_j = a_ij − Σ_k l_ik d_k l_jk` by sums in some order, with or without fused operations. The computed L
-//! and D, as they are stored, therefore satisfy (Higham, Accuracy and Stability of Numerical Algorithms, 2002, lemma 8.4 and theorem 10.3)
+//! Elimination computes `l_ij d_j = a_ij − Σ_k l_ik d_k l_jk` by sums in some order, with or without fused operations. The computed L and D, as they
+//! are stored, therefore satisfy (Higham, Accuracy and Stability of Numerical Algorithms, 2002, lemma 8.4 and theorem 10.3)
 //!
 //! ```text
 //! A − L D Lᵀ = E,      |e_ij| ≤ γ_m Σ_k |l_ik| |d_k| |l_jk|,      γ_m = m u/(1 − m u),
@@ -13,51 +13,42 @@
 //! |xᵀ E x| ≤ ε xᵀ W x for every x,      ε = max_i γ_m (|L||D||Lᵀ| e)_i / w_i      (Collatz and Wielandt)
 //! ```
 //!
-//! so that by Weyl's theorem no eigenvalue of the pencil (A, W) is farther than ε from its like of (L D Lᵀ, W), whose signs are those
-//! of D. Counting pivots is then a proof about the stored matrix (Rump, BIT 46, 2006, for Cholesky factors). It takes two passes over L.
+//! so that by Weyl's theorem no eigenvalue of the pencil (A, W) is farther than ε from its like of (L D Lᵀ, W), whose signs are those of D. Counting
+//! pivots is then a proof about the stored matrix (Rump, BIT 46, 2006, for Cholesky factors). It takes two passes over L.
 
 use super::factorization::{FactorKind, Factorization};
-use super::substitution::supernodes;
+use super::substitution::columns;
 
 /// u, the unit of rounding.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Roundings of one term `l_ik d_k l_jk` beside those of the sum: two products, the reciprocal of the pivot and the product with it for
-/// each factor, and the last division.
-const OF_A_TERM: f64 = 8.0;
-
-/// Powers of two within which pivots and entries of L keep underflows harmless: one is at most `2^−1074 · 2^600` in a row sum, and all
-/// of them together are below `2^−300`.
+/// Pivots and entries of L up to this, and down to its inverse: an underflow is at most `2^−1074 · 2^600` in a row sum, all are below 1e-90.
 const LARGEST: f64 = 1e120;
-const UNDERFLOWS: f64 = 1e-90;
 
 impl<K: FactorKind> Factorization<K> {
-    /// ε for the last factored matrix and its `L D Lᵀ` without pivoting, W the identity where there are no weights. Infinite where the
-    /// factor is not finite.
+    /// ε for the last factored matrix, W the identity where there are no weights; infinite where the factor is not finite.
     pub(crate) fn rounding_bound(&self, weights: Option<&[f64]>) -> f64 {
         let n = self.analysis.symbolic.nrows();
         let (mut sums, mut terms, mut is_sound) = (vec![0.0; n], vec![0.0; n], true);
-        for s in supernodes(&self.analysis.symbolic) {
-            for c in 0..s.columns {
-                let (k, start) = (s.first + c, s.diagonal(c));
-                let pivot = self.analysis.values[start].abs();
-                let column = &self.analysis.values[start + 1..][..s.rows() - c - 1];
-                let length = 1.0 + column.iter().map(|l| l.abs()).sum::<f64>();
-                is_sound &= (1.0 / LARGEST..=LARGEST).contains(&pivot) && length <= LARGEST;
-                sums[k] += pivot * length;
-                let rows = (k + 1..s.first + s.columns).chain(s.below.iter().map(|&row| row as usize));
-                for (row, l) in rows.zip(column) {
-                    sums[row] += l.abs() * (pivot * length);
-                    terms[row] += 1.0;
-                }
+        for (s, c) in columns(&self.analysis.symbolic) {
+            let (k, start) = (s.first + c, s.diagonal(c));
+            let pivot = self.analysis.values[start].abs();
+            let column = &self.analysis.values[start + 1..][..s.rows() - c - 1];
+            let length = 1.0 + column.iter().map(|l| l.abs()).sum::<f64>();
+            is_sound &= (1.0 / LARGEST..=LARGEST).contains(&pivot) && length <= LARGEST;
+            sums[k] += pivot * length;
+            for (row, l) in s.rows_below(c).zip(column) {
+                sums[row] += l.abs() * (pivot * length);
+                terms[row] += 1.0;
             }
         }
         // Sums of at most n terms, each of a product with a sum of at most n: computed below their value by this part at most.
         let of_sums = 1.0 + 4.0 * (n as f64 + 8.0) * U;
         let row = |k: usize| {
-            let m = (terms[k] + OF_A_TERM) * U;
+            // Beside the sum's, 8 roundings of a term: two products, the pivot's reciprocal and its product for each factor, the last division.
+            let m = (terms[k] + 8.0) * U;
             let weight = weights.map_or(1.0, |weights| weights[self.analysis.row(k)]);
-            (m / (1.0 - m) * sums[k] + UNDERFLOWS) * of_sums / weight
+            (m / (1.0 - m) * sums[k] + 1e-90) * of_sums / weight
         };
         let largest = (0..n).map(row).fold(0.0, |largest, bound| if bound <= largest { largest } else { bound });
         if is_sound && largest.is_finite() { largest } else { f64::INFINITY }
@@ -94,12 +85,10 @@ mod tests {
     fn error(a: &SymmetricMatrix, factorization: &Ldlt) -> DMatrix<f64> {
         let (n, values) = (a.order(), &factorization.analysis.values);
         let (mut l, mut d) = (DMatrix::<f64>::identity(n, n), vec![0.0; n]);
-        for s in supernodes(&factorization.analysis.symbolic) {
-            for c in 0..s.columns {
-                d[s.first + c] = values[s.diagonal(c)];
-                let rows = (s.first + c + 1..s.first + s.columns).chain(s.below.iter().map(|&row| row as usize));
-                rows.zip(&values[s.diagonal(c) + 1..]).for_each(|(row, value)| l[(row, s.first + c)] = *value);
-            }
+        for (s, c) in columns(&factorization.analysis.symbolic) {
+            d[s.first + c] = values[s.diagonal(c)];
+            let column = s.rows_below(c).zip(&values[s.diagonal(c) + 1..]);
+            column.for_each(|(row, value)| l[(row, s.first + c)] = *value);
         }
         let mut place = vec![0; n];
         (0..n).for_each(|k| place[factorization.analysis.row(k)] = k);
@@ -118,8 +107,8 @@ mod tests {
         DMatrix::from_fn(n, n, |i, j| rest[i * n + j].iter().sum())
     }
 
-    /// The bound holds for definite and indefinite matrices, graded ones and ones with tiny pivots, with weights and without; where pivots
-    /// are of the size of the matrix it is less than a hundred times the error for thirty rows.
+    /// The bound holds for definite and indefinite matrices, graded ones and ones with tiny pivots, with weights and without; where pivots are of the
+    /// size of the matrix it is less than a hundred times the error for thirty rows.
     #[test]
     fn bounds_are_above_the_error_in_twice_the_precision() {
         let graded = |row: usize| 10f64.powi(-(row as i32 % 7));
@@ -153,8 +142,8 @@ mod tests {
         }
     }
 
-    /// By hand: `[4 4; 4 4½]` has an entry of 1 in L and pivots of 4 and ½, so that `|L||D||Lᵀ|e` is (8, 8½), or backwards one of 8/9 and pivots
-    /// of 4½ and 4/9, and (8½, 8). The row below has one entry of L more, which decides.
+    /// By hand: `[4 4; 4 4½]` has an entry of 1 in L and pivots of 4 and ½, so that `|L||D||Lᵀ|e` is (8, 8½), or backwards one of 8/9 and pivots of
+    /// 4½ and 4/9, and (8½, 8). The row below has one entry of L more, which decides.
     #[test]
     fn the_bound_of_two_rows_by_hand() {
         let entry = |row: usize, column: usize| match (row.min(column), row.max(column)) {

@@ -1,12 +1,11 @@
 //! The preconditioned conjugate gradient method.
 //!
-//! For symmetric positive definite A (Hestenes and Stiefel 1952; notation of Shewchuk 1994):
-//! `α = rᵀz/pᵀAp`, `x += α p`, `r −= α A p`, `z = P⁻¹ r`, `β = rᵀz/(rᵀz)_old`, `p = z + β p`.
-//! The recurrence's r drifts away from `b − A x`. When it has converged the true residual is computed; if that is still too
-//! large, the iteration restarts from it, as long as every restart at least halves it.
+//! For symmetric positive definite A (Hestenes and Stiefel 1952; notation of Shewchuk 1994): `α = rᵀz/pᵀAp`, `x += α p`, `r −= α A p`, `z = P⁻¹ r`,
+//! `β = rᵀz/(rᵀz)_old`, `p = z + β p`. The recurrence's r drifts away from `b − A x`. When it has converged the true residual is computed; if that is
+//! still too large, the iteration restarts from it, as long as every restart at least halves it.
 //!
-//! A right-hand side so small or large that `pᵀAp` would under- or overflow (a motion at rest but for 10⁻¹⁶⁰ m/s) is
-//! multiplied by a power of two first, and the solution divided by it: the same iteration, digit by digit.
+//! A right-hand side so small or large that `pᵀAp` would under- or overflow (a motion at rest but for 10⁻¹⁶⁰ m/s) is multiplied by a power of two
+//! first, and the solution divided by it: the same iteration, digit by digit.
 
 use super::preconditioner::Preconditioner;
 use super::vector::{advance, descend, dot, norm, scaling, subtract};
@@ -18,8 +17,7 @@ use crate::operator::LinearOperator;
 pub enum CgOutcome {
     /// The true residual is within the tolerance.
     Converged,
-    /// A direction p with `pᵀAp ≤ 0` was met, so A is not positive definite; it is in
-    /// [`ConjugateGradient::direction`].
+    /// A direction p with `pᵀAp ≤ 0` was met, so A is not positive definite; it is in [`ConjugateGradient::direction`].
     NegativeCurvature {
         /// `pᵀAp`.
         curvature: f64,
@@ -125,30 +123,13 @@ impl ConjugateGradient {
             return CgReport { outcome: CgOutcome::NonFinite, iterations: 0, first_residual, relative_residual };
         }
         let factor = scaling(b);
-        if factor != 1.0 {
-            x.iter_mut().for_each(|x| *x *= factor);
-        }
+        x.iter_mut().for_each(|x| *x *= factor);
         self.product.fill(0.0);
-        let size = if factor == 1.0 { norm(b) } else { subtract(factor, b, &self.product, &mut self.residual).sqrt() };
-        let report = self.solve_scaled(a, preconditioner, &Scaled { factor, b, norm: size }, x);
-        if factor != 1.0 {
-            x.iter_mut().for_each(|x| *x /= factor);
-        }
-        report
-    }
-
-    fn solve_scaled(
-        &mut self,
-        a: &impl LinearOperator,
-        preconditioner: &mut Preconditioner,
-        b: &Scaled,
-        x: &mut [f64],
-    ) -> CgReport {
-        let scale = b.norm;
+        let scale = subtract(factor, b, &self.product, &mut self.residual).sqrt();
         let target = self.tolerance * scale;
-        let mut iterations = 0;
-        let mut residual = self.set_true_residual(a, b, x);
         let relative = |residual: f64| if residual == 0.0 { 0.0 } else { residual / scale };
+        let mut iterations = 0;
+        let mut residual = self.set_true_residual(a, factor, b, x);
         let first_residual = relative(residual);
         let mut last = f64::INFINITY;
         let outcome = loop {
@@ -163,13 +144,14 @@ impl ConjugateGradient {
             }
             last = residual;
             let stop = self.iterate(a, preconditioner, x, target, &mut iterations);
-            residual = self.set_true_residual(a, b, x);
+            residual = self.set_true_residual(a, factor, b, x);
             match stop {
                 Some(CgOutcome::IterationLimit) if residual <= target => break CgOutcome::Converged,
                 Some(outcome) => break outcome,
                 None => {}
             }
         };
+        x.iter_mut().for_each(|x| *x /= factor);
         CgReport { outcome, iterations, first_residual, relative_residual: relative(residual) }
     }
 
@@ -217,18 +199,11 @@ impl ConjugateGradient {
         None
     }
 
-    /// `r = b − A x`; returns its norm.
-    fn set_true_residual(&mut self, a: &impl LinearOperator, b: &Scaled, x: &[f64]) -> f64 {
+    /// `r = s b − A x`; returns its norm.
+    fn set_true_residual(&mut self, a: &impl LinearOperator, s: f64, b: &[f64], x: &[f64]) -> f64 {
         a.apply(x, &mut self.product);
-        subtract(b.factor, b.b, &self.product, &mut self.residual).sqrt()
+        subtract(s, b, &self.product, &mut self.residual).sqrt()
     }
-}
-
-/// A right-hand side times a factor, and its norm.
-struct Scaled<'a> {
-    factor: f64,
-    b: &'a [f64],
-    norm: f64,
 }
 
 #[cfg(test)]
@@ -264,8 +239,8 @@ mod tests {
         assert_eq!(solve(&a, &[1.0, 1.0], 0.49, None).iterations, 2);
     }
 
-    /// A = 2, b = 1, but the product with the first direction is too large by a factor: the true residual after the first
-    /// iteration is one minus the factor's inverse. A half goes on, three quarters stagnate.
+    /// A = 2, b = 1, but the product with the first direction is too large by a factor: the true residual after the first iteration is one minus the
+    /// factor's inverse. A half goes on, three quarters stagnate.
     #[test]
     fn restarts_go_on_while_they_halve_the_true_residual() {
         let wrong = |factor: f64| {
@@ -277,8 +252,8 @@ mod tests {
         assert_eq!((less.outcome, less.iterations, less.relative_residual), (CgOutcome::Stagnated, 1, 0.75));
     }
 
-    /// With a tolerance that is the true residual after k iterations, k iterations are enough, whatever rounding does to the
-    /// recurrence: its residual may be a little above the target when the true one is on it. ‖b‖ = 1, so the target is the tolerance.
+    /// With a tolerance that is the true residual after k iterations, k iterations are enough, whatever rounding does to the recurrence: its residual
+    /// may be a little above the target when the true one is on it. ‖b‖ = 1, so the target is the tolerance.
     #[test]
     fn the_true_residual_decides_at_the_limit() {
         let chain = |w: &[f64], y: &mut [f64]| {
@@ -309,8 +284,8 @@ mod tests {
         assert_eq!(method.direction(), [0.0, 3.0]);
     }
 
-    /// The same iteration, digit by digit, whatever the size of the right-hand side: products of two numbers of 10⁻¹⁶⁰ or 10¹⁶⁰ would
-    /// vanish or overflow, and a curvature of zero look like an indefinite matrix.
+    /// The same iteration, digit by digit, whatever the size of the right-hand side: products of two numbers of 10⁻¹⁶⁰ or 10¹⁶⁰ would vanish or
+    /// overflow, and a curvature of zero look like an indefinite matrix.
     #[test]
     fn the_size_of_the_right_hand_side_does_not_matter() {
         let a = Products(3, |w: &[f64], y: &mut [f64]| {

@@ -1,14 +1,14 @@
 //! Conjugate gradients as the solver of a time step, and first guesses from earlier solutions.
 //!
-//! Motion is smooth, so the solution of a step lies near the span of the last two. The point of that span nearest to the
-//! solution in the energy norm `‖e‖_A`, in which conjugate gradients measure, is `x = Σ α_i δx_i` with
+//! Motion is smooth, so the solution of a step lies near the span of the last two. The point of that span nearest to the solution in the energy norm
+//! `‖e‖_A`, in which conjugate gradients measure, is `x = Σ α_i δx_i` with
 //!
 //! ```text
 //! Σ_j (δx_iᵀ A δx_j) α_j = δx_iᵀ b
 //! ```
 //!
-//! for the A and b at hand (Fischer 1998, "Projection techniques for iterative solution of Ax = b with successive right-hand
-//! sides"). It is never farther from the solution than zero, and costs two products with A.
+//! for the A and b at hand (Fischer 1998, "Projection techniques for iterative solution of Ax = b with successive right-hand sides"). It is never
+//! farther from the solution than zero, and costs two products with A.
 
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
 use super::options::PreconditionerKind;
@@ -18,7 +18,6 @@ use super::vector::dot;
 use super::{LinearSolver, Prepared, PreparedMatrix};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
-use crate::interrupt::Interrupt;
 use crate::operator::{LinearOperator, SystemOperator};
 use crate::system::System;
 use crate::work::Work;
@@ -119,14 +118,6 @@ impl CgSolver {
         Self::new(system, preconditioner, tolerance, Application::MatrixFree)
     }
 
-    /// On the assembled matrix.
-    ///
-    /// # Errors
-    /// More entries than 32-bit indices can count, or than there is memory for.
-    pub fn assembled(system: &System, preconditioner: PreconditionerKind, tolerance: f64) -> Result<Self> {
-        Self::new(system, preconditioner, tolerance, Application::assembled(system)?)
-    }
-
     /// Matrix-free, with a custom preconditioner.
     pub fn with_preconditioner(system: &System, custom: Box<dyn CustomPreconditioner>, tolerance: f64) -> Self {
         Self::from_parts(system, Preconditioner::Custom(custom), tolerance, Application::MatrixFree)
@@ -151,18 +142,11 @@ impl CgSolver {
         }
     }
 
-    /// Ends iterations when requested.
-    pub fn interrupted_by(mut self, interrupt: Interrupt) -> Self {
-        self.method.interrupt = interrupt;
-        self
-    }
-
     /// The method: its parameters, and the direction of negative curvature after a failure.
     pub fn method(&mut self) -> &mut ConjugateGradient {
         &mut self.method
     }
 
-    /// Solves from the given x.
     fn iterate(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], work: &mut Work) -> CgReport {
         let Self { method, preconditioner, application, .. } = self;
         work.solves += 1;
@@ -376,8 +360,8 @@ mod tests {
         known.then_some(x)
     }
 
-    /// The nearest point of the span of two solutions, by hand: with A a multiple of the identity, the projection of b/a. It
-    /// does not depend on the unit of A.
+    /// The nearest point of the span of two solutions, by hand: with A a multiple of the identity, the projection of b/a. It does not depend on the
+    /// unit of A.
     #[test]
     fn two_solutions_span_a_plane_in_any_unit() {
         for unit in [2f64.powi(-30), 1.0, 2f64.powi(30)] {

@@ -1,37 +1,13 @@
 //! Work counted in force evaluations of the system at hand, for choosing and for reporting.
 //!
-//! Counts give the same choice whenever a run is repeated, and for any number of threads. The constants are ns a spring, a
-//! coordinate, an entry of the factor or an operation, of which only ratios are used: medians over cloths, lattices and
-//! networks of 10² to 10⁵ particles on one core. They need to be right within a factor of two only.
+//! Counts give the same choice whenever a run is repeated, and for any number of threads. Its numbers are ns a spring, a coordinate, an entry of the
+//! factor or an operation, of which only ratios are used: medians over cloths, lattices and networks of 10² to 10⁵ particles on one core. They need
+//! to be right within a factor of two only.
 
 use super::options::PreconditionerKind;
 use super::ordering::{FactorSize, OrderingMethod};
 use crate::system::System;
 use crate::work::Work;
-
-/// A force evaluation: per spring, per coordinate.
-const FORCE: [f64; 2] = [5.3, 1.4];
-
-/// The extension and the block of a spring.
-const ASSEMBLY: f64 = 8.4;
-
-/// A spring in a matrix-free product.
-const PRODUCT: f64 = 2.0;
-
-/// A coordinate in an iteration of conjugate gradients, its preconditioner included.
-const ITERATION: f64 = 3.0;
-
-/// A coordinate in a cycle of multigrid, and in a set-up of its coarse levels.
-const MULTIGRID: [f64; 2] = [25.0, 350.0];
-
-/// Ordering and symbolic analysis: per spring, per entry of the factor.
-const ANALYSIS: [f64; 2] = [160.0, 6.5];
-
-/// Refilling and factoring: per spring, per entry of the factor, per operation.
-const FACTORIZATION: [f64; 3] = [43.0, 3.5, 0.016];
-
-/// A solve with a factor: per coordinate, per entry.
-const SUBSTITUTION: [f64; 2] = [19.0, 0.5];
 
 /// The cost of operations on one system, in units of one force evaluation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,34 +27,34 @@ impl CostModel {
         let entries = (axes + 1) * coordinates / 2 + axes * axes * springs;
         let (springs, coordinates) = (springs as f64, coordinates as f64);
         // At least a nanosecond: a system may have neither springs nor coordinates.
-        let force = (FORCE[0] * springs + FORCE[1] * coordinates).max(1.0);
+        let force = (5.3 * springs + 1.4 * coordinates).max(1.0);
         Self { springs, coordinates, entries, force }
     }
 
     /// The spring blocks of A.
     pub fn assembly(&self) -> f64 {
-        ASSEMBLY * self.springs / self.force
+        8.4 * self.springs / self.force
     }
 
     /// A product of A with a vector, matrix-free.
     pub fn product(&self) -> f64 {
-        PRODUCT * self.springs / self.force
+        2.0 * self.springs / self.force
     }
 
-    /// An iteration of conjugate gradients.
+    /// An iteration of conjugate gradients, its preconditioner included.
     pub fn iteration(&self, preconditioner: PreconditionerKind) -> f64 {
-        let cycle = if preconditioner == PreconditionerKind::Multigrid { MULTIGRID[0] } else { 0.0 };
-        self.product() + (ITERATION + cycle) * self.coordinates / self.force
+        let cycle = if preconditioner == PreconditionerKind::Multigrid { 25.0 } else { 0.0 };
+        self.product() + (3.0 + cycle) * self.coordinates / self.force
     }
 
     /// The coarse levels of multigrid.
     pub fn multigrid_setup(&self) -> f64 {
-        MULTIGRID[1] * self.coordinates / self.force
+        350.0 * self.coordinates / self.force
     }
 
     /// Ordering and symbolic analysis.
     pub fn analysis(&self, size: FactorSize) -> f64 {
-        (ANALYSIS[0] * self.springs + ANALYSIS[1] * size.entries as f64) / self.force
+        (160.0 * self.springs + 6.5 * size.entries as f64) / self.force
     }
 
     /// Ordering and symbolic analysis without fill.
@@ -88,14 +64,12 @@ impl CostModel {
 
     /// A numeric factorization, the assembly of the sparse matrix included.
     pub fn factorization(&self, size: FactorSize) -> f64 {
-        let [spring, entry, flop] = FACTORIZATION;
-        (spring * self.springs + entry * size.entries as f64 + flop * size.flops) / self.force
+        (43.0 * self.springs + 3.5 * size.entries as f64 + 0.016 * size.flops) / self.force
     }
 
     /// A solve with a factor, and its residual.
     pub fn direct_solve(&self, size: FactorSize) -> f64 {
-        let [coordinate, entry] = SUBSTITUTION;
-        self.product() + (coordinate * self.coordinates + entry * size.entries as f64) / self.force
+        self.product() + (19.0 * self.coordinates + 0.5 * size.entries as f64) / self.force
     }
 
     fn without_fill(&self) -> FactorSize {
@@ -125,6 +99,7 @@ impl CostModel {
 #[cfg(test)]
 mod tests {
     use super::*;
+
     /// 1000 springs between 200 particles: a force evaluation takes 6140 ns.
     fn model() -> CostModel {
         CostModel { springs: 1000.0, coordinates: 600.0, entries: 10_200, force: 6140.0 }

@@ -14,12 +14,8 @@ use crate::work::Work;
 use faer::Par;
 use std::sync::Arc;
 
-/// Backward error up to which an LDLᵀ solution is accepted: well above the 30 units in the last place of a stable solve,
-/// and a hundredth of the default tolerance of conjugate gradients.
+/// Backward error up to which an LDLᵀ solution is accepted: above the 30 units in the last place of a stable solve, a hundredth of CG's default.
 const TRUSTED_BACKWARD_ERROR: f64 = 1e-12;
-
-/// Rounds of iterative refinement that an LDLᵀ solution gets to reach it.
-const REFINEMENTS: usize = 3;
 
 /// The assembled matrix and the residual of its solutions.
 #[derive(Debug)]
@@ -92,8 +88,7 @@ impl CholeskyPlan {
         Ok(Self { pattern, factorization })
     }
 
-    /// As [`new`](Self::new), if `is_worth` accepts the size and the bytes of the factor. A cheap lower bound is asked
-    /// for first.
+    /// As [`new`](Self::new), if `is_worth` accepts the size and the bytes of the factor, and before of its cheap lower bound.
     pub(super) fn if_worth(
         system: &System,
         par: Par,
@@ -242,7 +237,8 @@ impl LinearSolver for LdltSolver {
         let error_of =
             |assembled: &Assembled, norm, x: &[f64]| backward_error(&assembled.residual, norm, x, &assembled.scaled);
         let mut error = error_of(&self.assembled, self.matrix_norm, x);
-        for _ in 0..REFINEMENTS {
+        // Rounds of iterative refinement to reach it.
+        for _ in 0..3 {
             if error <= TRUSTED_BACKWARD_ERROR {
                 break;
             }
@@ -309,8 +305,8 @@ mod tests {
         (system, extensions)
     }
 
-    /// Two particles of just above 1 kg, pressed to half the rest length of their spring: across it A is (ε 1; 1 ε) with ε = 10⁻⁷ times
-    /// 100 N/m. Either order of elimination begins with that ε and loses seven digits, which refinement gives back.
+    /// Two particles of just above 1 kg, pressed to half the rest length of their spring: across it A is (ε 1; 1 ε) with ε = 10⁻⁷ times 100 N/m.
+    /// Either order of elimination begins with that ε and loses seven digits, which refinement gives back.
     #[test]
     fn refinement_gives_back_what_small_pivots_lose() {
         let mut builder = SystemBuilder::new();

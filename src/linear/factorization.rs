@@ -1,11 +1,11 @@
 //! Sparse factorizations `A = L B Lᵀ` by faer: analysed once, refactored for every matrix.
 //!
-//! The [kinds](FactorKind) differ in B and in the choice of pivots. Single right-hand sides are solved by
-//! `linear/substitution.rs`, several at once by faer.
+//! The [kinds](FactorKind) differ in B and in the choice of pivots. Single right-hand sides are solved by `linear/substitution.rs`, several at once
+//! by faer.
 
 use super::analysis::{Analysis, FactorReport, NonPositivePivot, SOLVE_COLUMNS};
 use super::ordering::{FactorSize, OrderingEstimate};
-use super::substitution::{Diagonal, supernodes};
+use super::substitution::{Diagonal, columns};
 use crate::assembly::{BlockPattern, SymmetricMatrix};
 use crate::error::{Error, Result, check_length};
 use faer::dyn_stack::MemStack;
@@ -55,8 +55,7 @@ pub struct Factorization<K> {
 /// Sparse Cholesky factorization `A = L Lᵀ`: exists if and only if A is positive definite (to rounding).
 pub type Cholesky = Factorization<Llt>;
 
-/// Sparse factorization `A = L D Lᵀ` without pivoting: D may have either sign, so A may be indefinite, but then nothing
-/// keeps the rounding errors small. Check the residual.
+/// Sparse factorization `A = L D Lᵀ` without pivoting; where A is indefinite nothing keeps rounding errors small: check the residual.
 pub type Ldlt = Factorization<Ldl>;
 
 /// B and the choice of pivots: [`Llt`], [`Ldl`] or [`BunchKaufman`](super::BunchKaufman).
@@ -139,8 +138,7 @@ impl<K: FactorKind> Factorization<K> {
         Self { analysis, kind }
     }
 
-    /// As [`analyse`](Self::analyse), from an estimate and without memory for the factor, which must be
-    /// [allocated](Self::allocate) before anything is factored.
+    /// As [`analyse`](Self::analyse), from an estimate; memory for the factor must be [allocated](Self::allocate) before anything is factored.
     pub(super) fn plan(pattern: &BlockPattern, estimate: OrderingEstimate, par: Par) -> Result<Self> {
         Ok(Self::with_analysis(Analysis::new(pattern, estimate, par)?))
     }
@@ -157,13 +155,11 @@ impl<K: FactorKind> Factorization<K> {
         plan?.ok().filter(|plan| is_worth(plan.size(), plan.bytes()))
     }
 
-    /// Allocates the factor.
     pub(crate) fn allocate(mut self) -> Result<Self> {
         self.analysis.allocate()?;
         Ok(self)
     }
 
-    /// Bytes of the factor and the work space.
     pub(crate) fn bytes(&self) -> u64 {
         self.analysis.bytes()
     }
@@ -204,6 +200,12 @@ impl<K: FactorKind> Factorization<K> {
 }
 
 impl<K: SolvingKind> Factorization<K> {
+    fn of(a: &SymmetricMatrix) -> Result<Self, NotFactored> {
+        let mut factorization = Self::analyse(a.pattern(), Par::Seq)?;
+        factorization.factor(a)?;
+        Ok(factorization)
+    }
+
     /// Factors a matrix on the analysed pattern.
     ///
     /// # Errors
@@ -235,23 +237,12 @@ impl<K: SolvingKind> Factorization<K> {
         Ok(())
     }
 
-    /// `X ← A⁻¹ X` for a matrix stored by columns, each as long as A: [`SOLVE_COLUMNS`] at a time.
-    ///
-    /// # Errors
-    /// [`Invalid`](crate::error::Invalid) for a length that is no multiple of the order of A.
-    pub fn solve_columns_in_place(&mut self, x: &mut [f64]) -> Result<()> {
-        let n = self.analysis.symbolic.nrows();
-        check_length("x", x.len(), x.len() / n.max(1) * n)?;
-        self.substitute_columns(n, x);
-        Ok(())
-    }
-
     /// As [`solve_in_place`](Self::solve_in_place), for a vector of the right length.
     pub(crate) fn substitute(&mut self, x: &mut [f64]) {
         self.substitute_columns(x.len(), x);
     }
 
-    /// As [`solve_columns_in_place`](Self::solve_columns_in_place), for columns of the right length n.
+    /// `X ← A⁻¹ X` for a matrix stored by columns of the right length n: [`SOLVE_COLUMNS`] at a time.
     pub(crate) fn substitute_columns(&mut self, n: usize, x: &mut [f64]) {
         let start = Instant::now();
         for x in x.chunks_mut((SOLVE_COLUMNS * n).max(1)) {
@@ -271,9 +262,7 @@ impl SymmetricMatrix {
     /// # Errors
     /// A matrix that is not positive definite, or whose factor does not fit the memory.
     pub fn cholesky(&self) -> Result<Cholesky, NotFactored> {
-        let mut factorization = Cholesky::analyse(self.pattern(), Par::Seq)?;
-        factorization.factor(self)?;
-        Ok(factorization)
+        Factorization::of(self)
     }
 
     /// The factorization L D Lᵀ, analysed and computed; the matrix may be indefinite.
@@ -281,9 +270,7 @@ impl SymmetricMatrix {
     /// # Errors
     /// A pivot that is zero or not finite; a factor that does not fit the memory.
     pub fn ldlt(&self) -> Result<Ldlt, NotFactored> {
-        let mut factorization = Ldlt::analyse(self.pattern(), Par::Seq)?;
-        factorization.factor(self)?;
-        Ok(factorization)
+        Factorization::of(self)
     }
 }
 
@@ -301,45 +288,35 @@ pub enum NotFactored {
 impl Factorization<Ldl> {
     /// The pivots D of the last factored matrix with the rows of A they belong to, in the order of elimination.
     pub fn pivots(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let columns = supernodes(&self.analysis.symbolic).flat_map(|s| (0..s.columns).map(move |c| (s, c)));
-        columns.map(|(s, c)| (self.analysis.row(s.first + c), self.analysis.values[s.diagonal(c)]))
+        let Analysis { symbolic, values, .. } = &self.analysis;
+        columns(symbolic).map(|(s, c)| (self.analysis.row(s.first + c), values[s.diagonal(c)]))
     }
 
-    /// Rows and columns of the stored entries of L below its diagonal, the zeros inside supernodes included, numbered in
-    /// the order of elimination.
+    /// Rows and columns of the stored entries of L below its diagonal, the zeros inside supernodes included, numbered in the order of elimination.
     pub fn pattern(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        supernodes(&self.analysis.symbolic).flat_map(|s| {
-            (0..s.columns).flat_map(move |c| {
-                let triangle = c + 1..s.columns;
-                let rows = triangle.map(move |r| s.first + r).chain(s.below.iter().map(|&row| row as usize));
-                rows.map(move |row| (row, s.first + c))
-            })
-        })
+        columns(&self.analysis.symbolic).flat_map(|(s, c)| s.rows_below(c).map(move |row| (row, s.first + c)))
     }
 
-    /// Whether all pivots of the last factored matrix are positive: the matrix is then positive definite to rounding,
-    /// with the Cholesky factor `L√D`.
+    /// Whether all pivots of the last factored matrix are positive: the matrix is then positive definite to rounding, with the Cholesky factor `L√D`.
     pub fn is_positive(&self) -> bool {
         self.pivots().all(|(_, d)| d > 0.0)
     }
 
-    /// A direction of negative curvature of the last factored matrix: `u = L⁻ᵀ e_j/d_j`, for which `uᵀAu = 1/d_j`, with j
-    /// the most negative pivot. Returns whether there is one that fits the length of u; not normalised.
+    /// A direction of negative curvature, not normalised: `u = L⁻ᵀ e_j/d_j` with `uᵀAu = 1/d_j`, j the most negative pivot. Returns whether there is
+    /// one that fits the length of u.
     pub fn negative_direction(&mut self, u: &mut [f64]) -> bool {
         let Self { analysis, .. } = self;
         if u.len() != analysis.symbolic.nrows() {
             return false;
         }
-        let columns = supernodes(&analysis.symbolic).flat_map(|s| (0..s.columns).map(move |c| (s, c)));
-        let pivots = columns.map(|(s, c)| (analysis.values[s.diagonal(c)], s, c));
+        let pivots = columns(&analysis.symbolic).map(|(s, c)| (analysis.values[s.diagonal(c)], s, c));
         let Some((_, s, c)) = pivots.filter(|(d, ..)| *d < 0.0).min_by(|a, b| a.0.total_cmp(&b.0)) else {
             return false;
         };
         // A⁻¹ (L e_j) = L⁻ᵀ D⁻¹ e_j: a column of L and one ordinary solve.
         u.fill(0.0);
         u[analysis.row(s.first + c)] = 1.0;
-        let rows = (s.first + c + 1..s.first + s.columns).chain(s.below.iter().map(|&row| row as usize));
-        for (k, value) in rows.zip(&analysis.values[s.diagonal(c) + 1..]) {
+        for (k, value) in s.rows_below(c).zip(&analysis.values[s.diagonal(c) + 1..]) {
             u[analysis.row(k)] = *value;
         }
         self.substitute(u);
@@ -372,8 +349,8 @@ mod tests {
         product.iter().zip(u).map(|(a, u)| a * u).sum()
     }
 
-    /// The pattern of L holds that of A in the order of elimination and what elimination fills in, all below the diagonal and each entry
-    /// once; the operations are the squares of its columns' heights.
+    /// The pattern of L holds that of A in the order of elimination and what elimination fills in, all below the diagonal and each entry once; the
+    /// operations are the squares of its columns' heights.
     #[test]
     fn the_pattern_of_the_factor_is_closed_under_elimination() {
         for particles in [1, 3, 40] {
@@ -475,12 +452,9 @@ mod tests {
         let a = banded(2, |_| 20.0);
         let mut cholesky = Cholesky::analyse(a.pattern(), Par::Seq).unwrap();
         cholesky.factor(&a).unwrap();
-        assert!(
-            cholesky.solve_in_place(&mut [1.0; 6]).is_ok() && cholesky.solve_columns_in_place(&mut [1.0; 12]).is_ok()
-        );
+        assert!(cholesky.solve_in_place(&mut [1.0; 6]).is_ok());
         for length in [0, 5, 7, 12] {
             assert!(cholesky.solve_in_place(&mut vec![1.0; length]).is_err(), "{length}");
         }
-        assert!(cholesky.solve_columns_in_place(&mut [1.0; 13]).is_err());
     }
 }

@@ -28,8 +28,7 @@ pub fn banded(particles: usize, reach: usize, entry: impl Fn(usize, usize) -> f6
     a
 }
 
-/// A chain of so many free particles at rest on a line, one end held: over long steps block Jacobi needs about as many
-/// iterations as there are particles.
+/// A chain of so many free particles, one end held: over long steps block Jacobi needs about as many iterations.
 pub fn chain(particles: usize) -> (System, State) {
     let mut builder = SystemBuilder::new();
     builder.dimension = 1;

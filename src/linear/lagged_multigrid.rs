@@ -1,8 +1,8 @@
 //! Multigrid whose coarse levels lag behind the matrix as long as that pays.
 //!
-//! The finest level always has the current matrix. The coarse levels are recomputed when the iterations that their age has
-//! cost add up to the cost of recomputing them, which is at most twice the work of the best choice (the ski-rental
-//! argument). All is counted in iterations, not seconds, so that runs are repeatable.
+//! The finest level always has the current matrix. The coarse levels are recomputed when the iterations that their age has cost add up to the cost of
+//! recomputing them, which is at most twice the work of the best choice (the ski-rental argument). All is counted in iterations, not seconds, so that
+//! runs are repeatable.
 
 use super::outcome::{Evidence, SolveFailure};
 use crate::error::Result;
@@ -11,10 +11,6 @@ use crate::operator::SystemOperator;
 use crate::system::System;
 use crate::work::Work;
 use nalgebra::Vector3;
-
-/// Iterations that recomputing the coarse levels costs; 10 to 12 by `cargo bench --bench multigrid`, less a margin for
-/// motions that go on ageing them.
-const REBUILD: f64 = 8.0;
 
 /// State of the coarse levels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,7 +50,8 @@ impl LaggedMultigrid {
     /// A matrix that is found not to be positive definite, or not finite.
     pub fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
         self.multigrid.refill(a)?;
-        if matches!(self.coarse, Coarse::Used { lost, .. } if lost < REBUILD) {
+        // Recomputing costs 10 to 12 iterations by `cargo bench --bench multigrid`, less a margin for motions that go on ageing them.
+        if matches!(self.coarse, Coarse::Used { lost, .. } if lost < 8.0) {
             return Ok(());
         }
         work.multigrid_setups += 1;

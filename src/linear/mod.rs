@@ -1,8 +1,8 @@
 //! Linear solvers for symmetric sparse systems `A x = b`.
 //!
-//! A time step uses a [`LinearSolver`]: it is updated for a [`SystemOperator`] and then solves any number of right-hand sides.
-//! [`CgSolver`], [`CholeskySolver`] and [`LdltSolver`] implement the trait, and [`select`] creates the one that [`SolverOptions`] ask
-//! for. The default, `auto`, chooses by cost between a Cholesky factorization and conjugate gradients.
+//! A time step uses a [`LinearSolver`]: it is updated for a [`SystemOperator`] and then solves any number of right-hand sides. [`CgSolver`],
+//! [`CholeskySolver`] and [`LdltSolver`] implement the trait, and [`select`] creates the one that [`SolverOptions`] ask for. The default, `auto`,
+//! chooses by cost between a Cholesky factorization and conjugate gradients.
 //!
 //! The methods themselves, [`ConjugateGradient`], [`Cholesky`] and [`Ldlt`], work without a time step on any
 //! [`LinearOperator`](crate::operator::LinearOperator) or [`SymmetricMatrix`](crate::assembly::SymmetricMatrix).
@@ -49,9 +49,7 @@ use crate::operator::SystemOperator;
 use crate::work::Work;
 use nalgebra::Vector3;
 
-/// Solves `A x = b` for a sequence of matrices of one system.
-///
-/// The example `own_solver` hands a custom solver to a stepper by `with_solver`.
+/// Solves `A x = b` for a sequence of matrices of one system. The example `own_solver` hands a custom solver to a stepper by `with_solver`.
 pub trait LinearSolver: Send {
     /// The solver's name on the command line and in files.
     fn name(&self) -> &'static str;
@@ -74,8 +72,7 @@ pub trait LinearSolver: Send {
     /// Sets the positions of all particles, in m, which a preconditioner may use.
     fn set_positions(&mut self, _positions: &[Vector3<f64>]) {}
 
-    /// Factors a matrix, or sets up its preconditioner, and returns what this proves. Call
-    /// [`prepare`](Prepare::prepare), whose result solves.
+    /// Factors a matrix, or sets up its preconditioner, and returns what this proves. Call [`prepare`](Prepare::prepare), whose result solves.
     ///
     /// # Errors
     /// A matrix that is found not to be positive definite by a solver that needs it, or not finite.
@@ -84,8 +81,8 @@ pub trait LinearSolver: Send {
     /// Sets the tolerance of an iterative solver, `‖b − A x‖ ≤ tolerance·‖b‖`.
     fn set_tolerance(&mut self, _tolerance: f64) {}
 
-    /// Solves with the matrix of the last update. `b` and `x` are reduced; on entry `x` is the first guess of an
-    /// iterative solver, or zero to let it choose its own.
+    /// Solves with the matrix of the last update. `b` and `x` are reduced; on entry `x` is the first guess of an iterative solver, or zero to let it
+    /// choose its own.
     ///
     /// # Errors
     /// A solution that does not meet the tolerance; `x` is then unspecified.
@@ -97,8 +94,8 @@ pub trait LinearSolver: Send {
         work: &mut Work,
     ) -> Result<Solution, SolveFailure>;
 
-    /// Solves from zero to `‖b − A x‖ ≤ tolerance·‖b‖` without a trace: later solves must not depend on it. The
-    /// default suits solvers without a tolerance that keep nothing between solves.
+    /// Solves from zero to `‖b − A x‖ ≤ tolerance·‖b‖` without a trace: later solves must not depend on it. The default suits solvers without a
+    /// tolerance that keep nothing between solves.
     ///
     /// # Errors
     /// As for [`solve`](Self::solve).

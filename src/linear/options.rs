@@ -8,8 +8,7 @@ use faer::Par;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum SolverChoice {
-    /// By size, the [guarantee](DefinitenessGuarantee) of the stiffness option and counted effort, see
-    /// [`select`](super::select).
+    /// By size, the [guarantee](DefinitenessGuarantee) of the stiffness option and counted effort, see [`select`](super::select).
     Auto,
     /// Sparse Cholesky.
     Llt,
@@ -71,8 +70,7 @@ impl PreconditionerKind {
 pub enum Tolerance {
     /// `‖b − A x‖ ≤ tolerance·‖b‖`.
     Fixed(f64),
-    /// A ten-thousandth of the error in time of a step, but at least [`STRICT`](Self::STRICT), which is used where a
-    /// stepper has no error estimate.
+    /// A ten-thousandth of the error in time of a step, but at least [`STRICT`](Self::STRICT), which is used where a stepper has no error estimate.
     Adaptive,
 }
 
@@ -108,19 +106,6 @@ impl Default for Tolerance {
 }
 
 /// A linear solver and its parameters.
-///
-/// # Examples
-/// ```
-/// use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions};
-///
-/// let options = SolverOptions::default()
-///     .with_solver(SolverChoice::CgAssembled)
-///     .with_preconditioner(PreconditionerKind::Multigrid)
-///     .with_tolerance(1e-8)?;
-/// assert_eq!(options.solver.name(), "cg-assembled");
-/// assert!(options.with_tolerance(0.0).is_err());
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolverOptions {
     /// The solver.

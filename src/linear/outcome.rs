@@ -110,8 +110,8 @@ pub enum Evidence {
 }
 
 impl SolveFailure {
-    /// Returned by a custom solver for a matrix that is not positive definite, so that
-    /// [`OnDemand`](crate::integrate::StiffnessPolicy::OnDemand) goes on with a regularized one.
+    /// Returned by a custom solver for a matrix that is not positive definite, so that [`OnDemand`](crate::integrate::StiffnessPolicy::OnDemand) goes
+    /// on with a regularized one.
     pub const INDEFINITE: Self = Self::Indefinite(Evidence::Reported);
 }
 

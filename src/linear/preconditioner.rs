@@ -13,8 +13,7 @@ use nalgebra::Vector3;
 
 /// A preconditioner of the caller's, for [`CgSolver::with_preconditioner`](super::CgSolver::with_preconditioner).
 ///
-/// It must be symmetric and positive definite; otherwise conjugate gradients stagnate, or report negative curvature that
-/// A does not have.
+/// It must be symmetric and positive definite; otherwise conjugate gradients stagnate, or report negative curvature that A does not have.
 pub trait CustomPreconditioner: std::fmt::Debug + Send {
     /// Its name in summaries.
     fn name(&self) -> &'static str;
@@ -127,35 +126,8 @@ mod tests {
     use crate::force::SpringGeometry;
     use crate::operator::Combination;
     use crate::spring::Stiffness;
+    use crate::system::Dof;
     use crate::system::fixtures::row;
-    use crate::system::{Dof, SystemBuilder};
-
-    /// The identity, by another name.
-    #[derive(Debug)]
-    struct Mine;
-
-    impl CustomPreconditioner for Mine {
-        fn name(&self) -> &'static str {
-            "mine"
-        }
-
-        fn update(&mut self, _: &SystemOperator, _: &mut Work) -> Result<(), SolveFailure> {
-            Ok(())
-        }
-
-        fn apply(&mut self, r: &[f64], z: &mut [f64]) {
-            z.copy_from_slice(r);
-        }
-    }
-
-    #[test]
-    fn every_preconditioner_has_its_name() {
-        let (system, _) = SystemBuilder::new().build().unwrap();
-        assert_eq!(Preconditioner::Custom(Box::new(Mine)).name(), "mine");
-        for kind in PreconditionerKind::ALL {
-            assert_eq!(Preconditioner::new(kind, &system).unwrap().name(), kind.name());
-        }
-    }
 
     /// An infinite mass or stiffness is reported as such.
     #[test]

@@ -1,11 +1,11 @@
 //! Solvers that hold a matrix, enforced by types.
 //!
-//! A solver is updated for a matrix once and solves with it many times, and most solvers read the matrix again in every
-//! solve. So a solve takes a [`PreparedMatrix`], which only a [`Prepared`] solver has: as long as that lives the matrix
-//! cannot change. [`MatrixAndSolver`] owns both; its matrix can only be changed by preparing again.
+//! A solver is updated for a matrix once and solves with it many times, and most solvers read the matrix again in every solve. So a solve takes a
+//! [`PreparedMatrix`], which only a [`Prepared`] solver has: as long as that lives the matrix cannot change. [`MatrixAndSolver`] owns both; its
+//! matrix can only be changed by preparing again.
 
+use super::LinearSolver;
 use super::outcome::{Definiteness, Solution, SolveFailure};
-use super::{FactorReport, LinearSolver};
 use crate::operator::{LinearOperator, SystemOperator};
 use crate::work::Work;
 use nalgebra::Vector3;
@@ -156,11 +156,6 @@ impl<'s> MatrixAndSolver<'s> {
         &*self.solver
     }
 
-    /// See [`LinearSolver::factor`].
-    pub fn factor(&self) -> Option<FactorReport> {
-        self.solver.factor()
-    }
-
     /// See [`LinearSolver::set_positions`].
     pub fn set_positions(&mut self, positions: &[Vector3<f64>]) {
         self.solver.set_positions(positions);
@@ -176,7 +171,6 @@ impl<'s> MatrixAndSolver<'s> {
 mod tests {
     use super::*;
     use crate::force::SpringGeometry;
-    use crate::linear::CholeskySolver;
     use crate::operator::Combination;
     use crate::spring::Stiffness;
     use crate::system::fixtures::row;
@@ -213,16 +207,11 @@ mod tests {
     fn the_owner_forwards_to_its_solver() {
         let (system, state) = row(2);
         let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
-        let matrix = || SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
-        let work = &mut Work::default();
-        let cholesky = CholeskySolver::new(&system, faer::Par::Seq, work).unwrap();
-        let size = cholesky.size();
-        let owner = MatrixAndSolver::new(matrix(), Box::new(cholesky));
-        assert_eq!(owner.factor().map(|report| report.size), Some(size));
+        let matrix = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
         let recorded = Arc::default();
-        let mut owner = MatrixAndSolver::new(matrix(), Box::new(Recorder(Arc::clone(&recorded))));
+        let mut owner = MatrixAndSolver::new(matrix, Box::new(Recorder(Arc::clone(&recorded))));
         owner.set_positions(&state.positions);
         assert_eq!(*recorded.lock().unwrap(), state.positions);
-        assert!(owner.factor().is_none() && owner.prepare(|_| (), work).is_err() && owner.prepared().is_none());
+        assert!(owner.prepare(|_| (), &mut Work::default()).is_err() && owner.prepared().is_none());
     }
 }

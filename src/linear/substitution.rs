@@ -5,9 +5,9 @@
 //! back, in reverse order:      w = (b_top, b_below),   b_top = L_top⁻ᵀ (w_top − L_belowᵀ w_below)
 //! ```
 //!
-//! A solve reads all of L twice for two operations a number, so it takes the time of reading L. Four columns are read side
-//! by side (Ng and Peyton, SIAM J. Sci. Comput. 14, 1993), acting on w, which is short, and memory is prefetched, as the
-//! processor's own prefetching starts anew in every short column.
+//! A solve reads all of L twice for two operations a number, so it takes the time of reading L. Four columns are read side by side (Ng and Peyton,
+//! SIAM J. Sci. Comput. 14, 1993), acting on w, which is short, and memory is prefetched, as the processor's own prefetching starts anew in every
+//! short column.
 //!
 //! Every sum is taken in one order, whatever the processor and the number of threads.
 
@@ -18,9 +18,8 @@ use faer::sparse::linalg::cholesky::{SymbolicCholesky, SymbolicCholeskyRaw};
 /// Columns that are read side by side.
 const COLUMNS: usize = 4;
 
-/// Numbers from the one in use to the one prefetched, as measured, and numbers in a cache line.
+/// Numbers from the one in use to the one prefetched, as measured.
 const AHEAD: usize = 4096;
-const LINE: usize = 8;
 
 /// A dense block of a supernodal factor L: a trapezoid whose first `columns` rows are a triangle.
 #[derive(Clone, Copy)]
@@ -34,7 +33,7 @@ pub struct Supernode<'a> {
     pub values: usize,
 }
 
-impl Supernode<'_> {
+impl<'a> Supernode<'a> {
     pub fn rows(&self) -> usize {
         self.columns + self.below.len()
     }
@@ -42,6 +41,11 @@ impl Supernode<'_> {
     /// Position of the diagonal entry of a column among the factor's values; the column's entries below follow it.
     pub fn diagonal(&self, column: usize) -> usize {
         self.values + column * self.rows() + column
+    }
+
+    /// The rows below the diagonal entry of a column, in the order of elimination.
+    pub fn rows_below(self, column: usize) -> impl Iterator<Item = usize> + 'a {
+        (self.first + column + 1..self.first + self.columns).chain(self.below.iter().map(|&row| row as usize))
     }
 }
 
@@ -59,6 +63,11 @@ pub fn supernodes(symbolic: &SymbolicCholesky<u32>) -> impl DoubleEndedIterator<
             Supernode { first, columns, below, values: supernodal.col_ptr_for_val()[s] as usize }
         })
     })
+}
+
+/// The columns of a factor: supernodes, and numbers within them.
+pub fn columns(symbolic: &SymbolicCholesky<u32>) -> impl Iterator<Item = (Supernode<'_>, usize)> + '_ {
+    supernodes(symbolic).flat_map(|s| (0..s.columns).map(move |c| (s, c)))
 }
 
 /// The stored diagonal of a factor.
@@ -112,7 +121,6 @@ fn longest(symbolic: &SymbolicCholesky<u32>) -> usize {
     supernodes(symbolic).map(|s| s.rows()).max().unwrap_or(0)
 }
 
-/// The input of a solve.
 #[derive(Clone, Copy)]
 struct Pass<'a> {
     symbolic: &'a SymbolicCholesky<u32>,
@@ -267,12 +275,11 @@ impl<'v, const N: usize> Columns<'v, N> {
         }
     }
 
-    /// Prefetches `ahead` numbers from the start, a line for every column and eight rows: after all rows this covers
-    /// as much memory as the columns hold.
+    /// Prefetches `ahead` numbers from the start, a line for every column and eight rows: in all as much memory as the columns hold.
     #[inline(always)]
     fn prefetch(&self, eight: usize, ahead: usize) {
         for n in 0..N {
-            if let Some(value) = self.values.get((self.start + (eight * N + n) * LINE).wrapping_add(ahead)) {
+            if let Some(value) = self.values.get((self.start + (eight * N + n) * 8).wrapping_add(ahead)) {
                 prefetch(value);
             }
         }

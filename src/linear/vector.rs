@@ -1,5 +1,5 @@
-//! Norms, error measures and the fused vector operations of conjugate gradients: parallel, and the same to the bit for
-//! any number of threads, as [inner products](crate::operator::dot) are.
+//! Norms, error measures and the fused vector operations of conjugate gradients: parallel, and the same to the bit for any number of threads, as
+//! [inner products](crate::operator::dot) are.
 
 pub use crate::operator::dot;
 use crate::operator::inner_product::{PIECE, SERIAL, both, dot_piece, middle};
@@ -16,24 +16,15 @@ fn max_norm(a: &[f64]) -> f64 {
     a.iter().fold(0.0, |largest, &value| if value.abs() <= largest { largest } else { value.abs() })
 }
 
-/// The normwise backward error `‖r‖/(‖A‖‖x‖ + ‖b‖)` in the maximum norm (Rigal and Gaches 1967): the smallest relative
-/// change of A and b that makes x exact. Zero when everything is zero.
-///
-/// # Examples
-/// ```
-/// use sprung::linear::backward_error;
-///
-/// // 2 x = 1, solved as x = 0.5 + 1e-17: as good as a solution can be.
-/// let x = 0.5 + 1e-17;
-/// assert!(backward_error(&[1.0 - 2.0 * x], 2.0, &[x], &[1.0]) <= f64::EPSILON);
-/// ```
+/// The normwise backward error `‖r‖/(‖A‖‖x‖ + ‖b‖)` in the maximum norm (Rigal and Gaches 1967): the smallest relative change of A and b that makes x
+/// exact. Zero when everything is zero.
 pub fn backward_error(residual: &[f64], matrix_norm: f64, x: &[f64], b: &[f64]) -> f64 {
     let residual = max_norm(residual);
     if residual == 0.0 { 0.0 } else { residual / (matrix_norm * max_norm(x) + max_norm(b)) }
 }
 
-/// The power of two that scales a right-hand side before `A x = b` is solved, so that no product under- or overflows:
-/// 1 for norms between 1e-100 and 1e100, otherwise one that makes the largest entry about 1. Powers of two round nothing.
+/// The power of two that scales a right-hand side so that no product under- or overflows: 1 for norms between 1e-100 and 1e100, otherwise one that
+/// makes the largest entry about 1.
 pub(super) fn scaling(b: &[f64]) -> f64 {
     if (1e-100..1e100).contains(&norm(b)) {
         return 1.0;
@@ -46,23 +37,45 @@ pub(super) fn scaling(b: &[f64]) -> f64 {
     (-largest.log2().round()).clamp(-1020.0, 1020.0).exp2()
 }
 
-/// `r −= α q`; returns `rᵀr`.
-pub(super) fn descend(alpha: f64, q: &[f64], r: &mut [f64]) -> f64 {
+/// Sets every r from itself and the numbers of two other vectors; returns `rᵀr`.
+fn set_and_square(r: &mut [f64], a: &[f64], b: &[f64], set: impl Fn(&mut f64, f64, f64) + Copy + Sync) -> f64 {
     if r.len() <= PIECE {
         return dispatch_simd(
             #[inline(always)]
             || {
-                for (r, q) in r.iter_mut().zip(q) {
-                    *r -= alpha * q;
+                for ((r, a), b) in r.iter_mut().zip(a).zip(b) {
+                    set(r, *a, *b);
                 }
                 dot_piece(r, r)
             },
         );
     }
-    let at = middle(r.len());
-    let ((q0, q1), (r0, r1)) = (q.split_at(at), r.split_at_mut(at));
-    let (first, second) = both(q.len(), || descend(alpha, q0, r0), || descend(alpha, q1, r1));
+    let (length, at) = (r.len(), middle(r.len()));
+    let ((a0, a1), (b0, b1), (r0, r1)) = (a.split_at(at), b.split_at(at), r.split_at_mut(at));
+    let (first, second) = both(length, || set_and_square(r0, a0, b0, set), || set_and_square(r1, a1, b1, set));
     first + second
+}
+
+/// `r −= α q`; returns `rᵀr`.
+pub(super) fn descend(alpha: f64, q: &[f64], r: &mut [f64]) -> f64 {
+    set_and_square(
+        r,
+        q,
+        q,
+        #[inline(always)]
+        |r, q, _| *r -= alpha * q,
+    )
+}
+
+/// `r = s b − q`; returns `rᵀr`.
+pub(super) fn subtract(s: f64, b: &[f64], q: &[f64], r: &mut [f64]) -> f64 {
+    set_and_square(
+        r,
+        b,
+        q,
+        #[inline(always)]
+        |r, b, q| *r = s * b - q,
+    )
 }
 
 /// `x += α p`, then `p = z + β p`.
@@ -81,25 +94,6 @@ pub(super) fn advance(alpha: f64, beta: f64, z: &[f64], p: &mut [f64], x: &mut [
     let at = middle(p.len());
     let ((z0, z1), (p0, p1), (x0, x1)) = (z.split_at(at), p.split_at_mut(at), x.split_at_mut(at));
     rayon::join(|| advance(alpha, beta, z0, p0, x0), || advance(alpha, beta, z1, p1, x1));
-}
-
-/// `r = s b − q`; returns `rᵀr`.
-pub(super) fn subtract(s: f64, b: &[f64], q: &[f64], r: &mut [f64]) -> f64 {
-    if r.len() <= PIECE {
-        return dispatch_simd(
-            #[inline(always)]
-            || {
-                for ((r, b), q) in r.iter_mut().zip(b).zip(q) {
-                    *r = s * b - q;
-                }
-                dot_piece(r, r)
-            },
-        );
-    }
-    let at = middle(r.len());
-    let ((b0, b1), (q0, q1), (r0, r1)) = (b.split_at(at), q.split_at(at), r.split_at_mut(at));
-    let (first, second) = both(b.len(), || subtract(s, b0, q0, r0), || subtract(s, b1, q1, r1));
-    first + second
 }
 
 #[cfg(test)]

@@ -1,14 +1,13 @@
 //! Graphs of coupled nodes, and the aggregation of nodes for the next coarser level.
 //!
-//! Algorithm 5.1 of Vaněk, Mandel and Brezina (1996), on the graph of couplings alone, once a scene. An edge of weight w_ij is strong where `w_ij² ≥ θ² w_i w_j`, w_i the largest weight at i. The weights are
-//! those of the springs, k/l0, on the finest level and their sums over the edges between two aggregates on the others.
+//! Algorithm 5.1 of Vaněk, Mandel and Brezina (1996), on the graph of couplings alone, once a scene. An edge of weight w_ij is strong where
+//! `w_ij² ≥ θ² w_i w_j`, w_i the largest weight at i. The weights are those of the springs, k/l0, on the finest level and their sums over the edges
+//! between two aggregates on the others.
 
 use crate::operator::group;
 
 /// θ. Weights that differ by less than a hundredfold count as equal, which keeps aggregates round.
 const STRENGTH: f64 = 0.01;
-
-const NONE: u32 = u32::MAX;
 
 /// A weighted undirected graph: the neighbours of every node, ascending, without loops and repeats.
 #[derive(Debug, Clone)]
@@ -66,7 +65,7 @@ impl Graph {
 
 #[derive(Debug, Clone)]
 pub(super) struct Aggregates {
-    of_node: Vec<u32>,
+    of_node: Vec<Option<u32>>,
     count: usize,
 }
 
@@ -78,36 +77,34 @@ impl Aggregates {
             .collect();
         let is_strong = |i: usize, j: usize, w: f64| w * w >= STRENGTH * STRENGTH * largest[i] * largest[j];
         let strong = |i: usize| graph.edges(i).filter(move |&(j, w)| is_strong(i, j, w)).map(|(j, _)| j);
-        let mut of_node = vec![NONE; graph.nodes()];
+        let mut of_node = vec![None; graph.nodes()];
         let mut count = 0;
 
         for root in 0..graph.nodes() {
             let mut others = strong(root).peekable();
-            if of_node[root] == NONE && others.peek().is_some() && strong(root).all(|j| of_node[j] == NONE) {
-                of_node[root] = count;
-                others.for_each(|j| of_node[j] = count);
+            if of_node[root].is_none() && others.peek().is_some() && strong(root).all(|j| of_node[j].is_none()) {
+                of_node[root] = Some(count);
+                others.for_each(|j| of_node[j] = Some(count));
                 count += 1;
             }
         }
         // A node between them joins the aggregate to which it is coupled most stiffly.
         let neighbourhoods = of_node.clone();
-        for node in (0..graph.nodes()).filter(|&node| neighbourhoods[node] == NONE) {
-            let mut joined = graph.edges(node).filter(|&(j, _)| neighbourhoods[j] != NONE);
+        for node in (0..graph.nodes()).filter(|&node| neighbourhoods[node].is_none()) {
+            let mut joined = graph.edges(node).filter(|&(j, _)| neighbourhoods[j].is_some());
             if let Some((j, _)) = stiffest(&mut joined) {
                 of_node[node] = neighbourhoods[j];
             }
         }
         // The rest is far from every neighbourhood. No aggregate is a single node, so each level at least halves.
         for root in 0..graph.nodes() {
-            if of_node[root] != NONE {
+            if of_node[root].is_some() {
                 continue;
             }
-            if graph.edges(root).any(|(j, _)| of_node[j] == NONE) {
-                of_node[root] = count;
+            if graph.edges(root).any(|(j, _)| of_node[j].is_none()) {
+                of_node[root] = Some(count);
                 for (j, _) in graph.edges(root) {
-                    if of_node[j] == NONE {
-                        of_node[j] = count;
-                    }
+                    of_node[j].get_or_insert(count);
                 }
                 count += 1;
             } else if let Some((j, _)) = stiffest(&mut graph.edges(root)) {
@@ -123,8 +120,7 @@ impl Aggregates {
 
     #[inline]
     pub fn of_node(&self, node: usize) -> Option<u32> {
-        let aggregate = self.of_node[node];
-        (aggregate != NONE).then_some(aggregate)
+        self.of_node[node]
     }
 }
 
@@ -142,8 +138,8 @@ mod tests {
         (aggregates.count(), (0..nodes).map(|node| aggregates.of_node(node)).collect())
     }
 
-    /// Two stiff pairs with a soft edge of weight 3 between them: 3² against θ² = 10⁻⁴ times the product of their weights, which is
-    /// 8 and 10. Where it is strong the first neighbourhood has three nodes, and the fourth joins it.
+    /// Two stiff pairs with a soft edge of weight 3 between them: 3² against θ² = 10⁻⁴ times the product of their weights, which is 8 and 10. Where
+    /// it is strong the first neighbourhood has three nodes, and the fourth joins it.
     #[test]
     fn an_edge_is_strong_beside_the_largest_at_both_ends() {
         let pairs = |first, second| aggregates(4, &[(0, 1, first), (0, 2, 3.0), (2, 3, second)]);
@@ -153,8 +149,8 @@ mod tests {
         assert_eq!(pairs(100.0, 1000.0), (2, apart.to_vec()));
     }
 
-    /// Two stiff chains of three; weak edges lead to nodes 6 to 9: 6 and 7 become an aggregate, 8 joins its stiffest
-    /// neighbour, and 9 the first of two. Node 10 has no neighbours.
+    /// Two stiff chains of three; weak edges lead to nodes 6 to 9: 6 and 7 become an aggregate, 8 joins its stiffest neighbour, and 9 the first of
+    /// two. Node 10 has no neighbours.
     #[test]
     fn what_is_far_from_every_neighbourhood_is_aggregated_last() {
         let stiff = 1e6;

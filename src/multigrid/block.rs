@@ -201,8 +201,7 @@ pub(super) fn is_definite<const N: usize>(a: &Block<N, N>) -> bool {
     })
 }
 
-/// The inverse of a symmetric positive definite block, `A⁻¹ = L⁻ᵀ D⁻¹ L⁻¹` with the root-free `A = L D Lᵀ`; the lower
-/// triangle is read.
+/// The inverse of a symmetric positive definite block, `A⁻¹ = L⁻ᵀ D⁻¹ L⁻¹` with the root-free `A = L D Lᵀ`; the lower triangle is read.
 pub(super) fn inverse<const N: usize>(a: &Block<N, N>) -> Result<Block<N, N>, BadPivot> {
     // L is inverted as it is made: row i of L⁻¹ needs the rows above only.
     let mut l: Block<N, N> = zero();
@@ -236,6 +235,8 @@ pub(super) fn inverse<const N: usize>(a: &Block<N, N>) -> Result<Block<N, N>, Ba
 
 /// Added to diagonal blocks, whose largest of a level is about one: f32 ends at 1e38.
 pub(super) const LEAST_DIAGONAL: f64 = 1e-30;
+
+/// As [`inverse`], of the block with [`LEAST_DIAGONAL`] added.
 pub(super) fn inverse_of<const N: usize>(block: &Block<N, N>) -> Result<Block<N, N>, BadPivot> {
     inverse(&shifted(block, LEAST_DIAGONAL))
 }

@@ -1,17 +1,16 @@
 //! The damping of rows that have blocks outside their domain.
 //!
-//! With L within the domains, E outside them and `M = D + ½ S + L`, smoothing converges for certain when
-//! `M + Mᵀ − A = D + S − E` is positive definite. S is block diagonal, a sum over the blocks of E, and each pair of rows must have
+//! With L within the domains, E outside them and `M = D + ½ S + L`, smoothing converges for certain when `M + Mᵀ − A = D + S − E` is positive
+//! definite. S is block diagonal, a sum over the blocks of E, and each pair of rows must have
 //!
 //! ```text
 //! ⎡  S_ij   −E_ij ⎤
 //! ⎣ −E_ijᵀ   S_ji ⎦  ≥ 0.
 //! ```
 //!
-//! A block of springs in tension is the negative of a positive semidefinite one: `S_ij = S_ji = −E_ij` suffices, and resists
-//! what the springs resist and nothing else. That of a compressed spring, `−E_ij = k d dᵀ − m (I − d dᵀ)`, drives motions
-//! across itself: `S_ij = S_ji = −E_ij + 2m I` suffices, as `S_ij ± E_ij ≥ 0` (own derivation). Any other block is bounded
-//! by the diagonal blocks `D_i = L_i L_iᵀ` of its rows,
+//! A block of springs in tension is the negative of a positive semidefinite one: `S_ij = S_ji = −E_ij` suffices, and resists what the springs resist
+//! and nothing else. That of a compressed spring, `−E_ij = k d dᵀ − m (I − d dᵀ)`, drives motions across itself: `S_ij = S_ji = −E_ij + 2m I`
+//! suffices, as `S_ij ± E_ij ≥ 0` (own derivation). Any other block is bounded by the diagonal blocks `D_i = L_i L_iᵀ` of its rows,
 //!
 //! ```text
 //! S_ij = c D_i,  S_ji = c D_j,   c = ‖L_i⁻¹ E_ij L_j⁻ᵀ‖₂,   c⁴ ≤ Σ σ⁴ = tr H²,   H = D_j⁻¹ E_ijᵀ D_i⁻¹ E_ij,
@@ -19,9 +18,9 @@
 //!
 //! where σ² are the eigenvalues of H.
 //!
-//! For scalars S is the sum of the magnitudes of E (Baker, Falgout, Kolev and Yang 2011, "Multigrid smoothers for
-//! ultraparallel computing", section 6). Taken entry by entry that would add the axial stiffness of springs to every axis,
-//! and the soft transverse motions of a cloth would hardly be smoothed at the borders.
+//! For scalars S is the sum of the magnitudes of E (Baker, Falgout, Kolev and Yang 2011, "Multigrid smoothers for ultraparallel computing", section
+//! 6). Taken entry by entry that would add the axial stiffness of springs to every axis, and the soft transverse motions of a cloth would hardly be
+//! smoothed at the borders.
 
 use super::block::{
     Block, add_product, add_transposed_product, inverse_of, is_definite, norm_squared, scaled, shifted, single, sum,

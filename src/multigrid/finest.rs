@@ -1,7 +1,7 @@
 //! The finest level: the system's A as a sparse matrix of whole blocks, a row for every particle that can move.
 //!
-//! Blocks have as many rows as the scene has dimensions. A prescribed axis keeps its row, with the equation x = 0, so that
-//! all blocks are equal; particles that are wholly prescribed have no row.
+//! Blocks have as many rows as the scene has dimensions. A prescribed axis keeps its row, with the equation x = 0, so that all blocks are equal;
+//! particles that are wholly prescribed have no row.
 
 use super::aggregate::Graph;
 use super::block::{Block, zero};

@@ -1,15 +1,14 @@
 //! The coarse matrix `A_c = Pᵀ A P + ε Tᵀ A T`: sparsity once, numbers many times.
 //!
-//! `Pᵀ A P` alone is what smoothed aggregation has. But a motion e of the aggregates for which `T e` belongs to an eigenvalue λ of
-//! D⁻¹A with ωλ near 1 is smoothed away: `P e = (1 − ωλ) T e` is mostly rounding errors, its energy is `(1 − ωλ)²` times
-//! that of `T e`, and its correction by the coarse level is rounding errors divided by that. It may be shared by many
-//! aggregates, so no single one shows it, but the energy before smoothing does: with ε of it added, the energy of e is at
-//! least ε times that of T e, its correction is bounded by `(1 − ωλ)²/ε` of what T e would need, and the rounding errors of
-//! P, in single precision, are at most 6e-8/ε of it. Motions to be corrected here have little energy before smoothing, a
-//! few times that after it: for them ε changes nothing.
+//! `Pᵀ A P` alone is what smoothed aggregation has. But a motion e of the aggregates for which `T e` belongs to an eigenvalue λ of D⁻¹A with ωλ near
+//! 1 is smoothed away: `P e = (1 − ωλ) T e` is mostly rounding errors, its energy is `(1 − ωλ)²` times that of `T e`, and its correction by the
+//! coarse level is rounding errors divided by that. It may be shared by many aggregates, so no single one shows it, but the energy before smoothing
+//! does: with ε of it added, the energy of e is at least ε times that of T e, its correction is bounded by `(1 − ωλ)²/ε` of what T e would need, and
+//! the rounding errors of P, in single precision, are at most 6e-8/ε of it. Motions to be corrected here have little energy before smoothing, a few
+//! times that after it: for them ε changes nothing.
 //!
-//! Both terms are positive semidefinite where A is, so a failure of `A_c` proves that A is indefinite. The diagonal blocks
-//! and those after them are summed up; the others are their transposes.
+//! Both terms are positive semidefinite where A is, so a failure of `A_c` proves that A is indefinite. The diagonal blocks and those after them are
+//! summed up; the others are their transposes.
 
 use super::block::{Block, add_product, add_transposed_product, double, scaled, transposed, zero};
 use super::parallel::{Starts as _, Values, for_each_row_of};

@@ -1,14 +1,13 @@
 //! The smoother: block Gauss–Seidel, forward before the coarse correction and backward after it.
 //!
-//! With A = L + D + Lᵀ a forward sweep from zero is `x = (D + L)⁻¹ b`, and a backward sweep `x += (D + Lᵀ)⁻¹ (b − A x)`: one is the
-//! transpose of the other, which makes the preconditioner symmetric. Sweeps are sequential, so for threads rows are cut into
-//! domains, by their number alone: L has the blocks within a domain, and rows with blocks E outside are damped, with
-//! [`D̃ = D + ½ S`](super::border) on the diagonal, so that smoothing converges for any domains.
+//! With A = L + D + Lᵀ a forward sweep from zero is `x = (D + L)⁻¹ b`, and a backward sweep `x += (D + Lᵀ)⁻¹ (b − A x)`: one is the transpose of the
+//! other, which makes the preconditioner symmetric. Sweeps are sequential, so for threads rows are cut into domains, by their number alone: L has the
+//! blocks within a domain, and rows with blocks E outside are damped, with [`D̃ = D + ½ S`](super::border) on the diagonal, so that smoothing
+//! converges for any domains.
 //!
-//! Smoothing takes the time of reading the matrix, so one of the two triangles is stored, in single precision, times a
-//! factor that brings its entries near one: rounding changes a correction by 1e-7 of itself, which conjugate gradients do
-//! not notice. A sweep reads each block once and uses it twice, for its row and, transposed, for its column: a forward sweep
-//! gives the residual as well,
+//! Smoothing takes the time of reading the matrix, so one of the two triangles is stored, in single precision, times a factor that brings its entries
+//! near one: rounding changes a correction by 1e-7 of itself, which conjugate gradients do not notice. A sweep reads each block once and uses it
+//! twice, for its row and, transposed, for its column: a forward sweep gives the residual as well,
 //!
 //! ```text
 //! r = b − A x = −Lᵀ x − (E − ½ S) x,
@@ -26,10 +25,6 @@ use crate::error::Result;
 use crate::operator::prefetch_all;
 use std::cmp::Ordering;
 use std::sync::Arc;
-
-/// Least rows of a domain, and most domains: fewer smooth better, more keep more threads busy.
-const LEAST_ROWS: usize = 8192;
-const MOST_DOMAINS: usize = 16;
 
 /// A matrix ready for block Gauss–Seidel.
 #[derive(Debug, Clone)]
@@ -54,12 +49,6 @@ struct Node<const N: usize> {
     x: [f32; N],
     /// r of a forward sweep; the remaining right-hand side of a backward one.
     rest: [f32; N],
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct BadBlock {
-    pub row: usize,
-    pub bad: BadPivot,
 }
 
 impl<const N: usize> GaussSeidel<N> {
@@ -94,7 +83,8 @@ impl<const N: usize> GaussSeidel<N> {
         })
     }
 
-    pub fn update(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), BadBlock> {
+    /// Sets the matrix `factor·A`; fails with the first row whose diagonal block is not positive definite.
+    pub fn update(&mut self, a: &impl Rows<N>, factor: f64) -> std::result::Result<(), (usize, BadPivot)> {
         let Self { domain, lower, blocks, outside, inverses, .. } = self;
         let BlockMatrix { pattern, values } = outside;
         let failed = zero();
@@ -121,7 +111,7 @@ impl<const N: usize> GaussSeidel<N> {
             },
         );
         let Some(row) = inverses.iter().position(|inverse| *inverse == failed) else { return Ok(()) };
-        inverse_of(&scaled(factor, &a.diagonal_block(row))).map(drop).map_err(|bad| BadBlock { row, bad })
+        inverse_of(&scaled(factor, &a.diagonal_block(row))).map(drop).map_err(|bad| (row, bad))
     }
 
     /// `D̃⁻¹` of a row of `factor·A`.
@@ -229,8 +219,9 @@ fn prefetch<const N: usize>(blocks: &[Block<N, N, f32>]) {
     prefetch_all(blocks.as_flattened().as_flattened());
 }
 
+/// Rows of a domain: fewer domains smooth better, more keep more threads busy.
 fn domain(rows: usize) -> usize {
-    rows.div_ceil((rows / LEAST_ROWS).clamp(1, MOST_DOMAINS)).max(1)
+    rows.div_ceil((rows / 8192).clamp(1, 16)).max(1)
 }
 
 /// The diagonal block of a row of `factor·A`; `before` gets the blocks of A before it.

@@ -4,7 +4,7 @@ use super::LevelSize;
 use super::aggregate::{Aggregates, Graph};
 use super::block::BadPivot;
 use super::galerkin::Galerkin;
-use super::gauss_seidel::{BadBlock, GaussSeidel};
+use super::gauss_seidel::GaussSeidel;
 use super::modes::Frames;
 use super::prolongator::Prolongator;
 use super::sparse::{Pattern, Rows};
@@ -76,9 +76,7 @@ impl<const N: usize, const M: usize> Level<N, M> {
         let failure = |node, pivot| NotPositiveDefinite { level: 0, node, pivot };
         match self {
             Self::Direct(dense) => dense.update(a, factor).map_err(|node| failure(node, None)),
-            Self::Smoothed(level) => {
-                level.smoother.update(a, factor).map_err(|BadBlock { row, bad }| failure(row, Some(bad)))
-            }
+            Self::Smoothed(level) => level.smoother.update(a, factor).map_err(|(row, bad)| failure(row, Some(bad))),
         }
     }
 

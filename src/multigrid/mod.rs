@@ -1,37 +1,33 @@
 //! Smoothed-aggregation algebraic multigrid as a preconditioner.
 //!
-//! Block Jacobi needs more iterations the larger and stiffer a scene is: information travels one spring an iteration.
-//! Multigrid carries it over all distances at once, in a number of iterations that hardly depends on either. This is the
-//! method of Vaněk, Mandel and Brezina, "Algebraic multigrid by smoothed aggregation for second and fourth order elliptic
-//! problems", Computing 56 (1996), for conjugate gradients on `A = M/dt² − G/dt − K`.
+//! Block Jacobi carries information one spring an iteration, multigrid over all distances at once, in a number of iterations that hardly depends on
+//! the size or the stiffness of a scene. This is the method of Vaněk, Mandel and Brezina, "Algebraic multigrid by smoothed aggregation for second and
+//! fourth order elliptic problems", Computing 56 (1996), for conjugate gradients on `A = M/dt² − G/dt − K`.
 //!
-//! **Once a scene.** Particles that can move are the nodes of a graph, springs its edges. Nodes are gathered into
-//! aggregates of a dozen or two, which are the nodes of the next level, and so on until a few hundred unknowns are left. The
-//! sparsity of every level's matrix follows, and all memory is allocated.
+//! **Once a scene.** Particles that can move are the nodes of a graph, springs its edges. Nodes are gathered into aggregates of a dozen or two, which
+//! are the nodes of the next level, and so on until a few hundred unknowns are left. The sparsity of every level's matrix follows, and all memory is
+//! allocated.
 //!
-//! **Once a matrix.** The near-null space of A is that of K: translations and rotations, restricted to the free axes. Their
-//! orthonormal bases on the aggregates are the columns of the tentative prolongator T; a step of block Jacobi makes it
-//! `P = (I − ω D⁻¹A) T`, without weak couplings to other aggregates, see `prolongator`. The next level's matrix is
-//! `Pᵀ A P + ε Tᵀ A T`, the second term for motions that P smooths away, see `galerkin`.
+//! **Once a matrix.** The near-null space of A is that of K: translations and rotations, restricted to the free axes. Their orthonormal bases on the
+//! aggregates are the columns of the tentative prolongator T; a step of block Jacobi makes it `P = (I − ω D⁻¹A) T`, without weak couplings to other
+//! aggregates, see `prolongator`. The next level's matrix is `Pᵀ A P + ε Tᵀ A T`, the second term for motions that P smooths away, see `galerkin`.
 //!
-//! **Once an iteration**, a V-cycle from zero: a forward sweep of block Gauss–Seidel, the coarse correction
-//! `x += P A_c⁻¹ Pᵀ (b − A x)` by the next level, a backward sweep; on the coarsest level a dense Cholesky factorization.
-//! With M the matrix of the forward sweep and B_c the coarse levels' approximation of A_c⁻¹ a cycle is
+//! **Once an iteration**, a V-cycle from zero: a forward sweep of block Gauss–Seidel, the coarse correction `x += P A_c⁻¹ Pᵀ (b − A x)` by the next
+//! level, a backward sweep; on the coarsest level a dense Cholesky factorization. With M the matrix of the forward sweep and B_c the coarse levels'
+//! approximation of A_c⁻¹ a cycle is
 //!
 //! ```text
 //! B = M̄⁻¹ + (I − M⁻ᵀ A) P B_c Pᵀ (I − A M⁻¹),   M̄ = M (M + Mᵀ − A)⁻¹ Mᵀ,
 //! ```
 //!
-//! symmetric, and positive definite when the diagonal blocks and B_c are, for any P and any age of the coarse levels, and
-//! even if A is indefinite. So CG's own test `pᵀAp ≤ 0` stays valid. If `Pᵀ A P` is not positive definite A is not either,
-//! and the set-up reports it.
+//! symmetric, and positive definite when the diagonal blocks and B_c are, for any P and any age of the coarse levels, and even if A is indefinite. So
+//! CG's own test `pᵀAp ≤ 0` stays valid. If `Pᵀ A P` is not positive definite A is not either, and the set-up reports it.
 //!
-//! Choices beside the method's: the graph is weighted by k/l0 instead of A, so that aggregates and sparsity never change; a
-//! cycle works in single precision on one triangle of each matrix, a set-up in double; the rows of the finest matrix are
-//! recomputed from the springs; the smoother's domains depend on size alone, for the same bits with any number of threads.
+//! Choices beside the method's: the graph is weighted by k/l0 instead of A, so that aggregates and sparsity never change; a cycle works in single
+//! precision on one triangle of each matrix, a set-up in double; the rows of the finest matrix are recomputed from the springs; the smoother's
+//! domains depend on size alone, for the same bits with any number of threads.
 //!
-//! Under `axial` A has soft motions that are not rigid, all those that stretch no spring: the stiffer the springs, the more
-//! iterations they cost.
+//! Under `axial` A has soft motions that are not rigid, all those that stretch no spring: the stiffer the springs, the more iterations they cost.
 //!
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `solvers`.
 
@@ -54,9 +50,6 @@ use crate::system::{Dof, System};
 use finest::{Finest, near_one};
 use level::{Level, NotPositiveDefinite};
 use nalgebra::Vector3;
-
-/// Unknowns that are solved for directly: a dense factorization of this order takes a few milliseconds.
-const LARGEST_DENSE: usize = 400;
 
 /// Size of one level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -131,7 +124,8 @@ impl Multigrid {
     /// # Errors
     /// More matrix blocks than 32-bit indices can count.
     pub fn new(system: &System) -> Result<Self> {
-        Self::down_to(system, LARGEST_DENSE)
+        // A dense factorization of this order takes a few milliseconds.
+        Self::down_to(system, 400)
     }
 
     /// As [`new`](Self::new), with levels down to one of at most `largest_dense` unknowns, which is solved directly.
@@ -149,8 +143,8 @@ impl Multigrid {
         }))
     }
 
-    /// Sets the positions of all particles, in m, about which [`rebuild`](Self::rebuild) takes rotations. Without them
-    /// only translations are represented, and the preconditioner is slower.
+    /// Sets the positions of all particles, in m, about which [`rebuild`](Self::rebuild) takes rotations. Without them only translations are
+    /// represented, and the preconditioner is slower.
     pub fn set_positions(&mut self, positions: &[Vector3<f64>]) {
         self.0.set_positions(positions);
     }

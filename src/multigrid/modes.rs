@@ -1,28 +1,27 @@
 //! The near-null space: the rigid motions of the nodes of every level.
 //!
-//! A rigid motion about a centre C is a translation t and a rotation w, `u(x) = t + w × (x − C)`: M = 6 numbers in space, 3 in
-//! the plane (two translations, one rotation) and 1 on a line. A node with N unknowns follows it by its modes B, an N × M
-//! block, about its own centre c: B (t', w) with the same motion seen from there,
+//! A rigid motion about a centre C is a translation t and a rotation w, `u(x) = t + w × (x − C)`: M = 6 numbers in space, 3 in the plane (two
+//! translations, one rotation) and 1 on a line. A node with N unknowns follows it by its modes B, an N × M block, about its own centre c: B (t', w)
+//! with the same motion seen from there,
 //!
 //! ```text
 //! t' = t + w × (c − C),   that is   (t', w) = S(c − C) (t, w).
 //! ```
 //!
-//! A particle's modes are `B = [I 0]` without the rows of axes that are not free, its centre is its position. The modes of an
-//! aggregate's members about its centre, the mean of theirs, are the blocks `B_i S(c_i − C)`. With their Gram matrix factored,
+//! A particle's modes are `B = [I 0]` without the rows of axes that are not free, its centre is its position. The modes of an aggregate's members
+//! about its centre, the mean of theirs, are the blocks `B_i S(c_i − C)`. With their Gram matrix factored,
 //!
 //! ```text
 //! Σ (B_i S)ᵀ (B_i S) = Rᵀ R,   T_i = B_i S(c_i − C) R⁻¹,
 //! ```
 //!
-//! the columns of T are orthonormal and span the same motions: T is the tentative prolongator, and R holds the modes of the
-//! aggregate as a node of the next level, about C. A motion that the members do not feel, or not independently of the
-//! others (one free axis, a single particle, particles on a line), has no pivot: its column of T and its row of R are zero.
+//! the columns of T are orthonormal and span the same motions: T is the tentative prolongator, and R holds the modes of the aggregate as a node of
+//! the next level, about C. A motion that the members do not feel, or not independently of the others (one free axis, a single particle, particles on
+//! a line), has no pivot: its column of T and its row of R are zero.
 
 use super::block::{Block, add_product, add_transposed_product, zero};
 
-/// A motion is dropped where the part of its column that other columns do not span is below this share of the whole. R
-/// comes from a Gram matrix, whose squares lose parts below 1e-8.
+/// Least independent share of a motion's column that is kept: R comes from a Gram matrix, whose squares lose parts below 1e-8.
 const INDEPENDENT: f64 = 1e-4;
 
 #[derive(Debug, Clone, Copy)]
@@ -31,34 +30,25 @@ pub(super) struct Frame<const N: usize, const M: usize> {
     pub centre: [f64; 3],
 }
 
-/// `B S(s)`: modes about another centre, s = old − new.
-#[inline(always)]
-fn shifted<const N: usize, const M: usize>(b: &Block<N, M>, s: [f64; 3]) -> Block<N, M> {
-    let mut shifted = *b;
-    for (to, from) in shifted.iter_mut().zip(b) {
-        match (&mut to[..], &from[..]) {
-            ([.., x, y, z], [bx, by, bz, ..]) if M == 6 => {
-                // Row · (e_k × s) for the axes k of rotation.
-                *x += by * -s[2] + bz * s[1];
-                *y += bx * s[2] + bz * -s[0];
-                *z += bx * -s[1] + by * s[0];
-            }
-            ([.., z], [bx, by, ..]) if M == 3 => *z += bx * -s[1] + by * s[0],
-            _ => {}
-        }
-    }
-    shifted
-}
-
-fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
 impl<const N: usize, const M: usize> Frame<N, M> {
-    /// `B_i S(c_i − C)`.
+    /// `B S(c − C)`: the modes about another centre C.
     #[inline(always)]
-    fn about(&self, centre: [f64; 3]) -> Block<N, M> {
-        shifted(&self.modes, difference(self.centre, centre))
+    pub fn about(&self, centre: [f64; 3]) -> Block<N, M> {
+        let s: [f64; 3] = std::array::from_fn(|axis| self.centre[axis] - centre[axis]);
+        let mut shifted = self.modes;
+        for (to, from) in shifted.iter_mut().zip(&self.modes) {
+            match (&mut to[..], &from[..]) {
+                ([.., x, y, z], [bx, by, bz, ..]) if M == 6 => {
+                    // Row · (e_k × s) for the axes k of rotation.
+                    *x += by * -s[2] + bz * s[1];
+                    *y += bx * s[2] + bz * -s[0];
+                    *z += bx * -s[1] + by * s[0];
+                }
+                ([.., z], [bx, by, ..]) if M == 3 => *z += bx * -s[1] + by * s[0],
+                _ => {}
+            }
+        }
+        shifted
     }
 }
 
@@ -105,13 +95,7 @@ impl<const M: usize> AggregateModes<M> {
     /// `T_i = B_i S(c_i − C) R⁻¹`.
     #[inline(always)]
     pub fn tentative<const N: usize>(&self, member: &Frame<N, M>) -> Block<N, M> {
-        self.normalised(&self.about_centre(member))
-    }
-
-    /// `B_i S(c_i − C)`: a node's modes about the aggregate's centre.
-    #[inline(always)]
-    pub fn about_centre<const N: usize>(&self, node: &Frame<N, M>) -> Block<N, M> {
-        node.about(self.frame.centre)
+        self.normalised(&member.about(self.frame.centre))
     }
 
     /// `X R⁻¹`.
@@ -129,8 +113,8 @@ impl<const M: usize> AggregateModes<M> {
 
 /// R and R⁻¹ of `G = RᵀR`, with zero rows of R and zero columns of R⁻¹ where G has no pivot.
 ///
-/// The motion with the largest share of its column that those before do not span comes next, so that nearly dependent
-/// motions come last: earlier, their small pivots would leave errors that look like independent parts.
+/// The motion with the largest share of its column that those before do not span comes next, so that nearly dependent motions come last: earlier,
+/// their small pivots would leave errors that look like independent parts.
 fn factor<const M: usize>(gram: &Block<M, M>) -> (Block<M, M>, Block<M, M>) {
     let mut r: Block<M, M> = zero();
     let mut inverse: Block<M, M> = zero();
@@ -164,8 +148,8 @@ fn factor<const M: usize>(gram: &Block<M, M>) -> (Block<M, M>, Block<M, M>) {
 mod tests {
     use super::*;
 
-    /// Aggregates of two and three particles near a line, with nearly or wholly dependent rotations: the columns of T are
-    /// orthonormal, and T R has the modes.
+    /// Aggregates of two and three particles near a line, with nearly or wholly dependent rotations: the columns of T are orthonormal, and T R has
+    /// the modes.
     #[test]
     fn kept_motions_are_orthonormal_however_dependent_others_are() {
         let mut seed = 1u64;

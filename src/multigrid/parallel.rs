@@ -1,8 +1,8 @@
-//! Rows distributed among threads. Every row is computed by one thread, in the same way for any number of them. Loops over
-//! rows are compiled for the [widest registers](dispatch_simd).
+//! Rows distributed among threads. Every row is computed by one thread, in the same way for any number of them. Loops over rows are compiled for the
+//! [widest registers](dispatch_simd).
 
 use super::sparse::Pattern;
-use crate::parallel::{parts, pieces, share};
+use crate::parallel::{parts, share};
 use crate::registers::dispatch_simd;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -11,21 +11,10 @@ use std::ops::Range;
 pub(super) const GRAIN: usize = 512;
 
 pub(super) fn for_each_row<T: Send>(values: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
-    let rows = |start: usize, values: &mut [T]| {
-        dispatch_simd(
-            #[inline(always)]
-            || {
-                for (row, value) in (start..).zip(values.iter_mut()) {
-                    f(row, value);
-                }
-            },
-        );
-    };
-    pieces(values, &rows);
+    for_each_row_of(0..values.len(), GRAIN, OneEach(values), f);
 }
 
-/// Calls `f(start, chunk, chunk, workspace)` for chunks of a given length of two vectors. Every thread has consecutive
-/// chunks and one workspace; missing ones are clones of the first.
+/// Calls `f(start, chunk, chunk, workspace)` for chunks of two vectors; every thread has consecutive ones and a clone of the first workspace.
 pub(super) fn for_chunks<T: Send, U: Send, R: Clone + Send>(
     first: &mut [T],
     second: &mut [U],

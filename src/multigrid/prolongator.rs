@@ -1,27 +1,23 @@
 //! The prolongator P from aggregates to nodes: tentative, then smoothed, without weak couplings.
 //!
-//! `P = (I − ω D⁻¹A) T` with `ω = 4/(3 λ_max(D⁻¹A))` and D the diagonal blocks of A: one step of damped block Jacobi takes the
-//! jumps between aggregates out of T, so that a coarse motion costs little energy (Vaněk, Mandel, Brezina 1996, section 4).
+//! `P = (I − ω D⁻¹A) T` with `ω = 4/(3 λ_max(D⁻¹A))` and D the diagonal blocks of A: one step of damped block Jacobi takes the jumps between
+//! aggregates out of T, so that a coarse motion costs little energy (Vaněk, Mandel, Brezina 1996, section 4).
 //!
 //! λ_max is bounded, not computed: a spring's block B is positive semidefinite where A is of use, and
-//! `(x_i − x_j)ᵀ B (x_i − x_j) ≤ 2 x_iᵀ B x_i + 2 x_jᵀ B x_j`; summed over the springs, `xᵀA x ≤ 2 xᵀD x`, so `λ_max ≤ 2`. Using 2 for
-//! the actual 1.6 to 1.8 changes iteration counts by at most two. Any ω gives a preconditioner that is positive definite, up
-//! to rounding, which is small unless an eigenvalue λ of D⁻¹A of a motion of aggregates has ωλ near 1: `galerkin` keeps
-//! those out of the coarse level.
+//! `(x_i − x_j)ᵀ B (x_i − x_j) ≤ 2 x_iᵀ B x_i + 2 x_jᵀ B x_j`; summed over the springs, `xᵀA x ≤ 2 xᵀD x`, so `λ_max ≤ 2`. Using 2 for the actual 1.6
+//! to 1.8 changes iteration counts by at most two. Any ω gives a preconditioner that is positive definite, up to rounding, which is small unless an
+//! eigenvalue λ of D⁻¹A of a motion of aggregates has ωλ near 1: `galerkin` keeps those out of the coarse level.
 //!
-//! **Sparsity.** A block for every aggregate that a node is coupled to would make P, the coarse matrices and every transfer
-//! expensive for the sake of weak couplings. Vaněk, Mandel and Brezina (1996) smooth with a filtered matrix, whose weak
-//! entries are added to the diagonal: that preserves translations. Here rigid motions are preserved too (own derivation).
-//! Row i is
+//! **Sparsity.** Weak couplings would make P, the coarse matrices and every transfer expensive. Vaněk, Mandel and Brezina (1996) add the weak entries
+//! of A to the diagonal, which preserves translations. Here rigid motions are preserved too (own derivation). Row i is
 //!
 //! ```text
 //! P_i = T_i − ω D_i⁻¹ Σ_j A_ij T̃_j,
 //! ```
 //!
 //! with T̃_j = T_j if the aggregate of j is in the row. Otherwise j is taken to be fixed to one that is, which *stands in*:
-//! `T̃_j = B_j S(c_j − C) R⁻¹` with C and R of that aggregate, see `modes`. It is the strongest of the others, or the node's
-//! own if there is no other. Where all aggregates follow one rigid motion `Σ_j A_ij T̃_j` is `(A T)_i`, as far as the one that
-//! stands in has all motions.
+//! `T̃_j = B_j S(c_j − C) R⁻¹` with C and R of that aggregate, see `modes`. It is the strongest of the others, or the node's own if there is no
+//! other. Where all aggregates follow one rigid motion `Σ_j A_ij T̃_j` is `(A T)_i`, as far as the one that stands in has all motions.
 
 use super::aggregate::{Aggregates, Graph};
 use super::block::{Block, add_apply, add_product, add_transposed_apply, single, sum, without_negligible, zero};
@@ -34,21 +30,9 @@ use crate::operator::{group, prefetch_all};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// ω, for `λ_max = 2`.
-const OMEGA: f32 = 2.0 / 3.0;
-
-/// Blocks between the use of blocks by columns and their prefetching, as for [rows](ahead).
-const BLOCKS_AHEAD: usize = 64;
-
 /// Blocks of a row summed at once; more take another pass through the row of A.
 const AT_ONCE: usize = 8;
 
-/// Share of a node's couplings below which those to an aggregate may be left out. At a fifth, without a limit in all, a
-/// lattice of 46³ takes 26 iterations instead of 16.
-const WEAK: f64 = 0.15;
-
-/// Share of its couplings that may be left out in all: a node of a network may be coupled to as many aggregates as nodes.
-const LEFT_OUT: f64 = 0.25;
 #[derive(Debug, Clone)]
 struct Sparsity {
     /// The aggregates that each node is coupled to, with its own: the pattern of A T.
@@ -78,9 +62,11 @@ impl Sparsity {
             strongest_first(row, graph, aggregates, coupled.columns(row), &mut others);
             let all: f64 = graph.edges(row).map(|(_, weight)| weight).sum();
             let mut left_out = 0.0;
+            // Each below 15 % of the node's couplings (at a fifth, without a limit in all, a lattice of 46³ takes 26 iterations, not 16),
+            // a quarter in all.
             while let Some(&(_, weight)) = others.last() {
                 left_out += weight;
-                if weight >= WEAK * all || left_out > LEFT_OUT * all {
+                if weight >= 0.15 * all || left_out > 0.25 * all {
                     break;
                 }
                 others.pop();
@@ -93,6 +79,7 @@ impl Sparsity {
         let reached = if reached.blocks() == coupled.blocks() { coupled.clone() } else { Arc::new(reached) };
         Ok(Self { coupled, reached, stand_ins })
     }
+
     #[inline(always)]
     fn leaves_out(&self, row: usize, aggregate: u32) -> bool {
         !self.reached.columns(row).contains(&aggregate)
@@ -191,8 +178,9 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             Values(&**pattern, values),
             #[inline(always)]
             |row, p| {
+                // −ω D⁻¹, for `λ_max = 2`.
                 let mut damped = smoother.inverse(row);
-                damped.as_flattened_mut().iter_mut().for_each(|entry| *entry *= -OMEGA);
+                damped.as_flattened_mut().iter_mut().for_each(|entry| *entry *= -(2.0 / 3.0));
                 let stand_in = sparsity.stand_ins[row];
                 for (columns, p) in pattern.columns(row).chunks(AT_ONCE).zip(p.chunks_mut(AT_ONCE)) {
                     let mut sums = [zero(); AT_ONCE];
@@ -206,7 +194,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
                             if let Some(slot) = columns.iter().position(|&column| column == aggregate) {
                                 add_product(&mut sums[slot], &single(factor, a), &tentative[node]);
                             } else if substituted.is_some() && sparsity.leaves_out(row, aggregate) {
-                                let fixed = modes[stand_in as usize].about_centre(&frames.frame(node));
+                                let fixed = frames.frame(node).about(modes[stand_in as usize].frame.centre);
                                 add_product(left_out.get_or_insert(zero()), a, &fixed);
                             }
                         },
@@ -228,7 +216,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         for_each_row(
             by_columns,
             #[inline(always)]
-            |place, p| *p = values[transpose.entry(place).1 as usize],
+            |place, p| *p = values[transpose.entries[place].1 as usize],
         );
     }
 
@@ -250,7 +238,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
 
     #[inline(always)]
     fn blocks_at(&self, places: Range<usize>) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
-        let nodes = self.transpose.entries(places.clone()).iter().map(|&(node, _)| node as usize);
+        let nodes = self.transpose.entries[places.clone()].iter().map(|&(node, _)| node as usize);
         nodes.zip(&self.by_columns[places])
     }
 
@@ -304,10 +292,10 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         );
     }
 
-    /// Prefetches the blocks by columns that follow some.
+    /// Prefetches the blocks by columns that follow some, 64 blocks before they are used.
     #[inline(always)]
     fn prefetch(&self, places: &Range<usize>) {
-        let [from, to] = [places.start, places.end].map(|at| (at + BLOCKS_AHEAD).min(self.by_columns.len()));
+        let [from, to] = [places.start, places.end].map(|at| (at + 64).min(self.by_columns.len()));
         prefetch_all(self.by_columns[from..to].as_flattened().as_flattened());
     }
 }

@@ -6,8 +6,8 @@ use crate::operator::group;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Rows between the use of a block and its prefetching: 16 of 3 × 3 numbers, fewer of larger blocks, which have to stay in
-/// the nearest cache. From 10⁵ particles on a sweep takes 0.7 of its time by that; 8 to 64 rows hardly differ.
+/// Rows between the use of a block and its prefetching: 16 of 3 × 3 numbers, fewer of larger blocks, which have to stay in the nearest cache. From
+/// 10⁵ particles on a sweep takes 0.7 of its time by that; 8 to 64 rows hardly differ.
 pub(super) const fn ahead<T>() -> usize {
     576 / size_of::<T>() + 1
 }
@@ -80,7 +80,7 @@ impl Pattern {
 #[derive(Debug, Clone)]
 pub(super) struct Transpose {
     starts: Vec<usize>,
-    entries: Vec<(u32, u32)>,
+    pub entries: Vec<(u32, u32)>,
 }
 
 impl Transpose {
@@ -96,16 +96,6 @@ impl Transpose {
         let entries = &self.entries[start..end];
         let before = |row: usize| entries.partition_point(|&(r, _)| (r as usize) < row);
         start + before(rows.start)..start + before(rows.end)
-    }
-
-    #[inline(always)]
-    pub fn entries(&self, places: Range<usize>) -> &[(u32, u32)] {
-        &self.entries[places]
-    }
-
-    #[inline(always)]
-    pub fn entry(&self, place: usize) -> (u32, u32) {
-        self.entries[place]
     }
 }
 
@@ -179,9 +169,9 @@ mod tests {
         assert_eq!(([0, 1, 2, 3].map(|row| pattern.row(row))), [0..2, 2..2, 2..4, 4..4]);
         assert_eq!([0..1, 0..3, 1..3, 2..2].map(|rows| pattern.positions(&rows)), [0..2, 0..4, 2..4, 2..2]);
         let transpose = pattern.transpose(4);
-        let entries = [0, 1, 2, 3].map(|column| transpose.entries(transpose.column(column)).to_vec());
+        let entries = [0, 1, 2, 3].map(|column| transpose.entries[transpose.column(column)].to_vec());
         assert_eq!(entries, [vec![(2, 2)], vec![(0, 0), (2, 3)], vec![(0, 1)], vec![]]);
-        assert_eq!(transpose.entry(2), (2, 3));
+        assert_eq!(transpose.entries[2], (2, 3));
         let within = [0..3, 1..3, 0..2, 1..2].map(|rows| transpose.column_within(1, rows));
         assert_eq!(within, [1..3, 2..3, 1..2, 2..2]);
     }

@@ -7,8 +7,8 @@ use crate::operator::{Combination, SystemOperator};
 use crate::spring::{Spring, Stiffness};
 use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
 
-/// A particle between two that are held, on springs along x of this stiffness and rest length, held along some axes itself; with levels
-/// down to one of so many unknowns.
+/// A particle between two that are held, on springs along x of this stiffness and rest length, held along some axes itself; with levels down to one
+/// of so many unknowns.
 fn failure(stiffness: f64, rest_length: f64, held: &[usize], largest_dense: usize) -> Option<SetupFailure> {
     let mut builder = SystemBuilder::new();
     for x in [0.0, 1.0, 2.0] {
@@ -27,8 +27,8 @@ fn failure(stiffness: f64, rest_length: f64, held: &[usize], largest_dense: usiz
     multigrid.refill(&a).and_then(|()| multigrid.rebuild(&a)).err()
 }
 
-/// Compressed to half its length a spring pushes sideways with k (1/2 − 1) each, against a mass term of 1: y is the first axis
-/// that gives way, or z if y is held. Of a factorization the row is known, but not which axis.
+/// Compressed to half its length a spring pushes sideways with k (1/2 − 1) each, against a mass term of 1: y is the first axis that gives way, or z
+/// if y is held. Of a factorization the row is known, but not which axis.
 #[test]
 fn the_coordinate_that_gives_way_is_named() {
     let dof = |axis| Dof { particle: 1, axis };
@@ -52,9 +52,9 @@ fn a_sum_beyond_the_largest_number_is_not_finite() {
     assert_eq!(failure(1.7e308, 1.0, &[], 0), Some(SetupFailure::NonFinite));
 }
 
-/// A strip along x of 600 particles whose short springs are in tension and whose springs to the second neighbour push: sideways
-/// the energy of a wave of s = 2 − 2 cos θ is `−c s + s²`, so that only waves with s < c are unstable, and no node shorter than they are
-/// sees it. The longer they are, the deeper the level that is refused.
+/// A strip along x of 600 particles whose short springs are in tension and whose springs to the second neighbour push: sideways the energy of a wave
+/// of s = 2 − 2 cos θ is `−c s + s²`, so that only waves with s < c are unstable, and no node shorter than they are sees it. The longer they are, the
+/// deeper the level that is refused.
 #[test]
 fn long_waves_are_refused_on_the_level_that_sees_them() {
     let level = |c: f64| {

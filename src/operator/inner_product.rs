@@ -1,7 +1,7 @@
 //! Inner products of vectors, parallel and the same to the bit for any number of threads.
 //!
-//! A vector is halved until a piece has at most [`PIECE`] numbers; where it is cut depends on its length alone. Sums over
-//! pieces are added up pairwise, so a long inner product loses fewer digits than one sum from end to end.
+//! A vector is halved until a piece has at most [`PIECE`] numbers; where it is cut depends on its length alone. Sums over pieces are added up
+//! pairwise, so a long inner product loses fewer digits than one sum from end to end.
 
 use crate::registers::dispatch_simd;
 

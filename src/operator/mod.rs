@@ -21,8 +21,7 @@ pub trait LinearOperator {
     /// The order n of the matrix.
     fn order(&self) -> usize;
 
-    /// `y = A w` for vectors of length n. Implementations fill y with NaN for other lengths, which ends an iteration as
-    /// not finite.
+    /// `y = A w` for vectors of length n. Implementations fill y with NaN for other lengths, which ends an iteration as not finite.
     fn apply(&self, w: &[f64], y: &mut [f64]);
 }
 

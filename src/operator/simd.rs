@@ -1,8 +1,8 @@
 //! Four numbers side by side in vector registers, one of each of four springs, and prefetching.
 //!
-//! A vector along three axes is loaded with the number behind it, which is padding. Four of them are transposed into three
-//! lists of four springs, one an axis, and go back as a pair and a single number each: sums are loaded and stored in these
-//! two pieces, as processors forward a store to a load of the same bytes only.
+//! A vector along three axes is loaded with the number behind it, which is padding. Four of them are transposed into three lists of four springs, one
+//! an axis, and go back as a pair and a single number each: sums are loaded and stored in these two pieces, as processors forward a store to a load
+//! of the same bytes only.
 //!
 //! Both implementations round alike, in the same order: their results are the same to the bit.
 

@@ -1,13 +1,11 @@
 //! The order in which a product takes the springs: four at a time, contiguous where possible.
 //!
-//! Four springs are *contiguous* if their first ends are four consecutive particles, and so are the others: the numbers of
-//! four ends are then one piece of twelve. In meshes that are numbered row by row most springs are. The first end of a
-//! spring is the one with the smaller number, or the one that moves. Only what moves has rows: particles are consecutive if
-//! those between them are held, and four held other ends have no rows.
+//! Four springs are *contiguous* if their first ends are four consecutive particles, and so are the others: the numbers of four ends are then one
+//! piece of twelve. In meshes that are numbered row by row most springs are. The first end of a spring is the one with the smaller number, or the one
+//! that moves. Only what moves has rows: particles are consecutive if those between them are held, and four held other ends have no rows.
 //!
-//! Springs are taken by *stretches* of their first ends, whose rows stay in the fastest cache. Within a stretch the
-//! contiguous ones come first, four particles after the other, and then the rest. So every row adds up its springs in one
-//! order, whatever part of them is taken.
+//! Springs are taken by *stretches* of their first ends, whose rows stay in the fastest cache. Within a stretch the contiguous ones come first, four
+//! particles after the other, and then the rest. So every row adds up its springs in one order, whatever part of them is taken.
 
 use crate::system::{Axes, System};
 
@@ -166,8 +164,7 @@ fn of_stretch(moving: &Moving, entries: &mut [Entry]) -> Stretch {
     stretch
 }
 
-/// Takes from both halves of a list by turns. Neighbours in the list end in overlapping rows, which a processor cannot load
-/// before they are stored.
+/// Takes from both halves of a list by turns. Neighbours in the list end in overlapping rows, which a processor cannot load before they are stored.
 fn spread<T: Copy>(list: &[T], spread: &mut [T]) {
     let (near, far) = list.split_at(list.len().div_ceil(2));
     for (n, place) in spread.iter_mut().enumerate() {

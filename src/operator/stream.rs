@@ -6,18 +6,16 @@
 //! B d = α d + σ g (g·d),   σ the sign of β, one for the whole operator.
 //! ```
 //!
-//! Where `|α| ≤ |β|`, which holds for every spring longer than half its rest length, nothing cancels: the product is the
-//! exact one of a block whose α, β and n are changed by a few units in the last place, with an error of at most
-//! `c u (|α| |I − nnᵀ| + |β| |nnᵀ|) |d|` by components. Other springs, and those with an end that moves along some axes only,
-//! are multiplied by their 3×3 matrix, which keeps the bound for every α and β.
+//! Where `|α| ≤ |β|`, which holds for every spring longer than half its rest length, nothing cancels: the product is the exact one of a block whose
+//! α, β and n are changed by a few units in the last place, with an error of at most `c u (|α| |I − nnᵀ| + |β| |nnᵀ|) |d|` by components. Other
+//! springs, and those with an end that moves along some axes only, are multiplied by their 3×3 matrix, which keeps the bound for every α and β.
 //!
-//! Springs are taken four at a time, contiguous where possible, see `spring_order`: a product is bound by the instructions of
-//! one thread, not by the memory, until the data is far larger than the caches.
+//! Springs are taken four at a time, contiguous where possible, see `spring_order`: until the data is far larger than the caches a product is bound
+//! by instructions.
 //!
-//! The rows are cut into *parts*, one a thread. A part owns consecutive particles and streams through all springs that end
-//! in it, in the one order of all springs, adding to its own rows only; a spring between two parts is in both. So no two
-//! threads write to one row, and every row adds up its springs in one order: the result is the same to the bit for any
-//! number of parts.
+//! The rows are cut into *parts*, one a thread. A part owns consecutive particles and streams through all springs that end in it, in the one order of
+//! all springs, adding to its own rows only; a spring between two parts is in both. So no two threads write to one row, and every row adds up its
+//! springs in one order: the result is the same to the bit for any number of parts.
 
 mod product;
 
@@ -47,8 +45,7 @@ impl SpringStream {
         Self { parts, sign: 1.0 }
     }
 
-    /// Recomputes the numbers from the blocks of the active springs, without allocating. Those whose β has the other sign
-    /// are multiplied by their matrix.
+    /// Recomputes the numbers from the blocks of the active springs, without allocating; those whose β has the other sign go by their matrix.
     pub fn update(&mut self, system: &System, blocks: &[SpringBlock], sign: f64) {
         self.sign = sign;
         let springs = Springs { system, blocks, sign };

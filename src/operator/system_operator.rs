@@ -1,16 +1,15 @@
 //! The system matrix without a matrix: one mass a particle and one block a spring.
 //!
-//! Every matrix of a mass–spring system is a combination `m·M + g·G + k·K` of the mass matrix, the damping matrix
-//! `G = ∂f_d/∂v` and the stiffness matrix `K = ∂f_el/∂x`. A spring between i and j puts `−b nnᵀ` into G and `−K^s` into K
-//! on (i, i) and (j, j), and the opposite on (i, j) and (j, i). So a spring's part of any combination is one
-//! [`SpringBlock`] B of the form `α(I − nnᵀ) + β nnᵀ`, and its product with w is `s = B (w_i − w_j)`, added to row i and
-//! subtracted from row j: Add-Damping-Force and Add-Force-Differential of the lecture notes (see [`spring`](crate::spring))
-//! in one pass.
+//! Every matrix of a mass–spring system is a combination `m·M + g·G + k·K` of the mass matrix, the damping matrix `G = ∂f_d/∂v` and the stiffness
+//! matrix `K = ∂f_el/∂x`. A spring between i and j puts `−b nnᵀ` into G and `−K^s` into K on (i, i) and (j, j), and the opposite on (i, j) and (j,
+//! i). So a spring's part of any combination is one [`SpringBlock`] B of the form `α(I − nnᵀ) + β nnᵀ`, and its product with w is
+//! `s = B (w_i − w_j)`, added to row i and subtracted from row j: Add-Damping-Force and Add-Force-Differential of the lecture notes (see
+//! [`spring`](crate::spring)) in one pass.
 //!
-//! Vectors are *reduced*: one number for every free degree of freedom, as in the assembled matrix. Reading the ends of a
-//! spring through the [`DofMap`](crate::DofMap) puts zeros on prescribed axes, and adding to them drops these axes: the
-//! *Project* of the notes. The displacement of prescribed particles goes to the right-hand side once a step, by
-//! [`subtract_coupling`](SystemOperator::subtract_coupling): their *Set-Boundary-Conditions*.
+//! Vectors are *reduced*: one number for every free degree of freedom, as in the assembled matrix. Reading the ends of a spring through the
+//! [`DofMap`](crate::DofMap) puts zeros on prescribed axes, and adding to them drops these axes: the *Project* of the notes. The displacement of
+//! prescribed particles goes to the right-hand side once a step, by [`subtract_coupling`](SystemOperator::subtract_coupling): their
+//! *Set-Boundary-Conditions*.
 
 use super::stream::SpringStream;
 use super::{BlockDiagonal, LinearOperator};
@@ -110,8 +109,7 @@ impl<'s> SystemOperator<'s> {
         self.set(extensions, combination, option, |_| option);
     }
 
-    /// As [`update`](Self::update), with an option for every active spring by its position among them; external forces
-    /// are treated as under `tension`.
+    /// As [`update`](Self::update), with an option for every active spring by its position; external forces are treated as under `tension`.
     pub fn update_each(
         &mut self,
         extensions: &SpringGeometry,
@@ -136,8 +134,8 @@ impl<'s> SystemOperator<'s> {
         });
     }
 
-    /// Sets the operator to `mass·M` plus any block a spring, +B on both its diagonal blocks and −B between its ends,
-    /// without allocating. `block` gets the position among the active springs, the spring, and its extension.
+    /// Sets the operator to `mass·M` plus a block for every spring, by its position among the active ones: +B on both its diagonal blocks and −B
+    /// between its ends.
     pub fn set_blocks(
         &mut self,
         extensions: &SpringGeometry,
@@ -198,18 +196,10 @@ impl<'s> SystemOperator<'s> {
         self.mass.is_finite() && springs && self.external.iter().all(is_finite)
     }
 
-    /// Whether no block of a spring or an external force has a negative eigenvalue, which makes their sum positive
-    /// semidefinite.
+    /// Whether no block of a spring or an external force has a negative eigenvalue, which makes their sum positive semidefinite.
     pub fn has_no_negative_block(&self) -> bool {
         let is_positive = |block: &Matrix3<f64>| lowest(block) >= 0.0;
         self.blocks.iter().all(|block| block.lowest() >= 0.0) && self.external.iter().all(is_positive)
-    }
-
-    fn add_external(&self, w: &[f64], y: &mut [f64]) {
-        let dofs = self.system.dofs();
-        for (particle, block) in self.external.iter().enumerate() {
-            dofs.add(y, particle, &(block * dofs.get(w, particle)));
-        }
     }
 
     /// The system.
@@ -226,14 +216,8 @@ impl<'s> SystemOperator<'s> {
     pub fn blocks(&self) -> &[SpringBlock] {
         &self.blocks
     }
-    #[inline]
-    fn ends_and_blocks(&self) -> impl Iterator<Item = ([usize; 2], &SpringBlock)> {
-        self.system.active().map(|(_, pair, _)| pair).zip(&self.blocks)
-    }
 
-    /// `b_f −= A_fc δx_c`: moves the displacement of prescribed coordinates to the right-hand side.
-    ///
-    /// `displacement` is full-length, in m, and zero on free axes; `rhs` is reduced.
+    /// `b_f −= A_fc δx_c`: moves the displacement of prescribed coordinates, full-length, in m, zero on free axes, to the reduced right-hand side.
     pub fn subtract_coupling(&self, displacement: &[Vector3<f64>], rhs: &mut [f64]) {
         let dofs = self.system.dofs();
         for &position in &self.coupled {
@@ -255,12 +239,12 @@ pub(super) fn lowest(block: &Matrix3<f64>) -> f64 {
     if xy == 0.0 && xz == 0.0 && yz == 0.0 { block.diagonal().min() } else { block.symmetric_eigenvalues().min() }
 }
 
-/// `damping·D + stiffness·S` of the derivatives D and S at a particle, or of their negative semidefinite parts under
-/// options that keep matrices definite.
+/// `damping·D + stiffness·S` at a particle, or of their negative semidefinite parts under options that keep matrices definite.
 fn combined(at: &Derivatives, option: Stiffness, combination: Combination) -> Matrix3<f64> {
     let part = |matrix: &Matrix3<f64>| if option == Stiffness::Full { *matrix } else { negative_part(matrix) };
     part(&at.damping) * combination.damping + part(&at.stiffness) * combination.stiffness
 }
+
 pub(crate) fn negative_part(matrix: &Matrix3<f64>) -> Matrix3<f64> {
     if lowest(&-matrix) >= 0.0 {
         return *matrix;
@@ -281,7 +265,10 @@ impl LinearOperator for SystemOperator<'_> {
             return y.fill(f64::NAN);
         }
         self.stream.multiply(self.system, &self.blocks, &self.inertia, w, y);
-        self.add_external(w, y);
+        let dofs = self.system.dofs();
+        for (particle, block) in self.external.iter().enumerate() {
+            dofs.add(y, particle, &(block * dofs.get(w, particle)));
+        }
     }
 }
 
@@ -290,7 +277,7 @@ impl BlockDiagonal for SystemOperator<'_> {
         for (block, mass) in blocks.iter_mut().zip(self.system.masses()) {
             *block = Matrix3::from_diagonal_element(self.mass * mass);
         }
-        for (pair, block) in self.ends_and_blocks() {
+        for ((_, pair, _), block) in self.system.active().zip(&self.blocks) {
             let matrix = block.matrix();
             pair.into_iter().for_each(|end| blocks[end] += matrix);
         }

@@ -53,8 +53,8 @@ fn unresolved_springs_dissipate_what_is_certain() {
     }
 }
 
-/// A slack tension-only spring dissipates nothing, and in a step through its rest length of a half the taut part alone: that
-/// it lengthens or shortens from a half to x takes at least b (x − ½)²/h.
+/// A slack tension-only spring dissipates nothing, and in a step through its rest length of a half the taut part alone: that it lengthens or shortens
+/// from a half to x takes at least b (x − ½)²/h.
 #[test]
 fn slack_springs_dissipate_nothing() {
     let (system, start) = pair(0.7);
@@ -84,8 +84,8 @@ impl SpringLaw for Harder {
     }
 }
 
-/// Every spring counts in its own block, by its own number: so many side by side, each harder by two newtons a metre than the last, and by
-/// a law of the caller's own, by one; all are twice their length at rest of a half.
+/// Every spring counts in its own block, by its own number: so many side by side, each harder by two newtons a metre than the last, and by a law of
+/// the caller's own, by one; all are twice their length at rest of a half.
 #[test]
 fn blocks_follow_one_another() {
     let mut builder = SystemBuilder::new();
@@ -116,8 +116,8 @@ fn springs_without_length_have_no_rate() {
     assert!((sums.dissipated - 0.125 * 19.2).abs() < 1e-12, "{}", sums.dissipated);
 }
 
-/// A damped ring of 101 springs that all differ, every third particle of another part: each part goes over springs that the other one counts,
-/// and what all count together is what the whole does.
+/// A damped ring of 101 springs that all differ, every third particle of another part: each part goes over springs that the other one counts, and
+/// what all count together is what the whole does.
 #[test]
 fn parts_count_every_spring_once() {
     let mut ring = SystemBuilder::new();

@@ -2,7 +2,7 @@
 
 use super::super::block::{BadPivot, LEAST_DIAGONAL, inverse_of};
 use super::super::sparse::{BlockMatrix, Pattern};
-use super::{BadBlock, GaussSeidel, domain};
+use super::{GaussSeidel, domain};
 use nalgebra::{DMatrix, DVector, Matrix2};
 use std::sync::Arc;
 
@@ -32,8 +32,8 @@ fn matrix() -> BlockMatrix<2, 2> {
     matrix
 }
 
-/// The same couplings by springs: their blocks `k d dᵀ + t (I − d dᵀ)` on the diagonal of both rows, with a mass, and their negatives beside it. Every
-/// third is pressed: its t is negative.
+/// The same couplings by springs: their blocks `k d dᵀ + t (I − d dᵀ)` on the diagonal of both rows, with a mass, and their negatives beside it.
+/// Every third is pressed: its t is negative.
 fn springs() -> BlockMatrix<2, 2> {
     let mut matrix = matrix();
     let spring = |row: usize, column: usize| {
@@ -77,8 +77,8 @@ fn block(a: &DMatrix<f64>, row: usize, column: usize) -> Matrix2<f64> {
     a.fixed_view::<2, 2>(2 * row, 2 * column).into()
 }
 
-/// `D̃_i = D_i + ½ Σ_j S_ij` with `S_ij = −E_ij + 2m I` where that is symmetric, −m its least eigenvalue or m = 0, and otherwise `(σ₁⁴ + σ₂⁴)^¼ D_i`, σ the
-/// singular values of `L_i⁻¹ E_ij L_j⁻ᵀ`.
+/// `D̃_i = D_i + ½ Σ_j S_ij` with `S_ij = −E_ij + 2m I` where that is symmetric, −m its least eigenvalue or m = 0, and otherwise `(σ₁⁴ + σ₂⁴)^¼ D_i`,
+/// σ the singular values of `L_i⁻¹ E_ij L_j⁻ᵀ`.
 fn damped_diagonal(a: &DMatrix<f64>) -> Vec<Matrix2<f64>> {
     let root = |row: usize| block(a, row, row).cholesky().unwrap().l().try_inverse().unwrap();
     let more = |row: usize, column: usize| {
@@ -183,7 +183,8 @@ fn assert_sweeps_are_their_formulas(matrix: &BlockMatrix<2, 2>) {
     assert_near(&x, &expected);
 }
 
-/// In row 4 the block is [[1, 2], [2, 1]], whose second pivot is 1 − 2². At the border of a domain, where springs add to the diagonal, it is refused too.
+/// In row 4 the block is [[1, 2], [2, 1]], whose second pivot is 1 − 2². At the border of a domain, where springs add to the diagonal, it is refused
+/// too.
 #[test]
 fn the_first_block_that_is_not_definite_is_named() {
     for (mut matrix, domain) in [(matrix(), ROWS), (matrix(), 3), (springs(), 3)] {
@@ -197,7 +198,7 @@ fn the_first_block_that_is_not_definite_is_named() {
         }
         let mut smoother = GaussSeidel::<2>::with_domains(&matrix.pattern, domain).unwrap();
         let bad = BadPivot { index: 1, pivot: -3.0 };
-        assert_eq!(smoother.update(&matrix, 1.0), Err(BadBlock { row: 4, bad }));
+        assert_eq!(smoother.update(&matrix, 1.0), Err((4, bad)));
     }
 }
 

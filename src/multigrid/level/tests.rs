@@ -22,8 +22,8 @@ fn random(seed: &mut u64) -> f64 {
     (*seed >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// A crooked grid with springs of many stiffnesses along its axes, and across in one direction, every eleventh so stiff that its ends are
-/// a tight pair; two springs join the first pair. One particle is held, one along x, and one has no spring.
+/// A crooked grid with springs of many stiffnesses along its axes, and across in one direction, every eleventh so stiff that its ends are a tight
+/// pair; two springs join the first pair. One particle is held, one along x, and one has no spring.
 fn grid(counts: [usize; 3]) -> (System, State) {
     let dimension = counts.iter().filter(|&&count| count > 1).count();
     let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
@@ -113,8 +113,8 @@ fn assert_near(found: &DMatrix<f64>, expected: &DMatrix<f64>, tolerance: f64, wh
     assert!(difference <= tolerance * expected.amax(), "{what}: {difference:e} of {:e}", expected.amax());
 }
 
-/// `Σ_j A_ij T̃_j` of a row for each aggregate, given the couplings of nodes: `T̃_j` is that of the aggregate of j, or where the row leaves that out what
-/// stands in. An aggregate is left out where it has less than 15 % of what the row is coupled by, from the weakest on, up to 25 % in all.
+/// `Σ_j A_ij T̃_j` of a row for each aggregate, given the couplings of nodes: `T̃_j` is that of the aggregate of j, or where the row leaves that out
+/// what stands in. An aggregate is left out where it has less than 15 % of what the row is coupled by, from the weakest on, up to 25 % in all.
 fn filtered<const N: usize, const M: usize>(
     row: usize,
     a: &DMatrix<f64>,
@@ -150,8 +150,8 @@ fn filtered<const N: usize, const M: usize>(
     filtered
 }
 
-/// The matrix that a stage applies, by the formulas, after its parts have been compared with theirs. `motions` are rigid motions of
-/// all nodes, one a column, `couplings` the weights of the graph. Levels from this one on are counted in `levels`.
+/// The matrix that a stage applies, by the formulas, after its parts have been compared with theirs. `motions` are rigid motions of all nodes, one a
+/// column, `couplings` the weights of the graph. Levels from this one on are counted in `levels`.
 fn reference<const N: usize, const M: usize>(
     stage: &Level<N, M>,
     a: &impl Rows<N>,
@@ -354,8 +354,8 @@ fn a_cycle_in_space_is_its_formula() {
     check::<3, 6>(grid([4, 4, 3]), 30, 3);
 }
 
-/// A particle that soft springs join to twelve places of a line has more aggregates around it than are added up at once. One spring of the
-/// line is stiff.
+/// A particle that soft springs join to twelve places of a line has more aggregates around it than are added up at once. One spring of the line is
+/// stiff.
 #[test]
 fn a_cycle_around_a_hub_is_its_formula() {
     let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };

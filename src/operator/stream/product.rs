@@ -1,9 +1,8 @@
 //! The product of one part of the stream of springs with a vector.
 //!
-//! Four contiguous springs have the numbers of their ends in two pieces of twelve, which are transposed into a list of four
-//! for every axis and back; any four others are gathered end by end. Successive batches often share their first ends, whose
-//! rows of w and of the sum then stay in registers. Rows get their first term just before springs add to them, while they
-//! are in the cache.
+//! Four contiguous springs have the numbers of their ends in two pieces of twelve, which are transposed into a list of four for every axis and back;
+//! any four others are gathered end by end. Successive batches often share their first ends, whose rows of w and of the sum then stay in registers.
+//! Rows get their first term just before springs add to them, while they are in the cache.
 
 use super::{Batches, Part, Progress, Springs};
 use crate::operator::prefetch;
@@ -31,8 +30,7 @@ pub struct ContiguousEnds {
     pub by_matrix: u32,
 }
 
-/// The first rows of the first ends, and of the others: [`NO_ROW`] for a held one, twice [`NO_ROW`] for no spring,
-/// [`BY_MATRIX`] and the spring's position for one that is multiplied by its matrix.
+/// First rows of both ends: [`NO_ROW`] for a held one, twice for no spring, [`BY_MATRIX`] and the position for one multiplied by its matrix.
 pub type GatheredEnds = [[u32; 4]; 2];
 
 pub const BY_MATRIX: u32 = u32::MAX;
@@ -78,8 +76,7 @@ impl Streamed {
     }
 }
 
-/// Batches between the use of memory and its prefetching: about the latency of main memory. 64 is the best of 16, 32, 64
-/// and 128, and twice as fast as without.
+/// Batches between the use of memory and its prefetching, the best of 16, 32, 64 and 128: twice as fast as without.
 const AHEAD: usize = 64;
 
 /// `y = diagonal · w + B w` of a part, in N dimensions; `y` holds the rows of the part.
@@ -159,8 +156,7 @@ fn begin(rows: Range<usize>, diagonal: &[f64], w: &[f64], y: &mut [f64]) {
     }
 }
 
-/// Contiguous springs: the four first ends that successive batches share. Here `s = B (w_j − w_i)`, which is added to the
-/// others and subtracted from the first.
+/// Contiguous springs that share four first ends. Here `s = B (w_j − w_i)`, which is added to the others and subtracted from the first.
 pub struct Contiguous<L: Simd> {
     simd: L,
     sign: L::Four,

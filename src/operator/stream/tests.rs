@@ -54,8 +54,8 @@ fn by_matrix(system: &System, blocks: &[SpringBlock]) -> Vec<u32> {
     found
 }
 
-/// Springs longer than half their rest length are streamed, whatever sign the combination gives to the stiffness; a spring
-/// that the combination leaves out, here one without damping, does not send the others through their matrix.
+/// Springs longer than half their rest length are streamed, whatever sign the combination gives to the stiffness; a spring that the combination
+/// leaves out, here one without damping, does not send the others through their matrix.
 #[test]
 fn only_short_springs_go_through_their_matrix() {
     let (system, state) = chain(&[(0.6, 0.0), (1.0, 3.0), (0.4, 0.0), (2.5, 1.0)]);
@@ -186,8 +186,8 @@ fn four_springs_at_a_time_are_each_by_itself() {
     }
 }
 
-/// Springs that go through their matrix stand among the others, in their order: with them, too, the result does not depend on the
-/// shares, and it is the product of the blocks.
+/// Springs that go through their matrix stand among the others, in their order: with them, too, the result does not depend on the shares, and it is
+/// the product of the blocks.
 #[test]
 fn springs_of_both_kinds_may_be_mixed() {
     let (system, state) = tangle(3);
