@@ -554,7 +554,7 @@ mod tests {
     fn tangle() -> (System, State) {
         let mut builder = SystemBuilder::new();
         builder.gravity(0.3, -9.8, 0.1);
-        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(7);
+        let mut random = rand::rngs::ChaCha8Rng::seed_from_u64(7);
         let places: Vec<[f64; 3]> = (0..40).map(|_| [(); 3].map(|()| random.random_range(-1.0..1.0))).collect();
         for place in &places {
             builder.particle(*place, random.random_range(0.5..2.0));

@@ -5,8 +5,8 @@
 
 use super::{ConstraintEntry, Particles, Row, Scene, Springs, TimeSettings, Values};
 use crate::error::{Error, Result};
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 use std::f64::consts::PI;

@@ -3,8 +3,8 @@
 use approx::assert_relative_eq;
 use faer::Par;
 use nalgebra::{DMatrix, DVector, Vector3};
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use sprung::assembly::SymmetricMatrix;
 use sprung::inspect::{CriticalSteps, Inertia, LargestStep, Property};
 use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, StepMatrices, TimeStepper};

@@ -1,8 +1,8 @@
 //! The inertia of A, counted from a sparse factorization, against all eigenvalues of the dense matrix.
 
 use nalgebra::{DMatrix, DVector};
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use sprung::assembly::{BlockPattern, SymmetricMatrix};
 use sprung::inspect::Inertia;
 use sprung::integrate::StepMatrices;

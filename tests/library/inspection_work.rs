@@ -2,8 +2,8 @@
 
 use crate::tame_cloth::tame_cloth;
 use faer::Par;
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use sprung::inspect::{
     CriticalSteps, FirstAnswer, Inertia, InertiaMethod, Inspection, LargestStep, Part, Property, RotationLimit,
     SkipReason, spectrum,

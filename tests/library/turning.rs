@@ -4,8 +4,8 @@
 use approx::assert_relative_eq;
 use faer::Par;
 use nalgebra::Vector3;
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use sprung::inspect::{Follower, LargestStep, MOST_BRAKED, MOST_STRETCHED, RotationLimit};
 use sprung::integrate::{ImplicitOptions, Method};
 use sprung::scene::{Kind, builtin};

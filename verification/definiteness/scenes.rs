@@ -1,8 +1,8 @@
 //! Random scenes with indefinite matrices, one for each seed, the same on every machine.
 
 use nalgebra::Vector3;
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use sprung::scene::{Kind, builtin};
 use sprung::{Constraint, Spring, State, System, SystemBuilder};
 

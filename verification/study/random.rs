@@ -6,8 +6,8 @@
 //! masses and T then only scale.
 
 use super::shape::{Layout, Shape, layout};
+use rand::rngs::ChaCha8Rng;
 use rand::{Rng, RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use sprung::Scene;
 use sprung::scene::{AxisName, ConstraintEntry, Particles, Path, Row, Springs, TimeSettings, Values};
 use std::f64::consts::TAU;

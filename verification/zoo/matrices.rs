@@ -1,8 +1,8 @@
 //! Matrices that are hard on factorizations, conjugate gradients and eigensolvers.
 
 use nalgebra::{DMatrix, Matrix3, SymmetricEigen};
+use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use sprung::DofMap;
 use sprung::assembly::{BlockPattern, SymmetricMatrix};
 use sprung::operator::LinearOperator;
