@@ -152,11 +152,11 @@ impl ParticleGraph {
     }
 
     fn minimum_degree(&self) -> Option<Vec<u32>> {
-        Some(as_vertices(&feral_amd::amd_order(&self.as_columns()?).ok()?))
+        permutation(feral_amd::amd_order(&self.as_columns()?).ok()?, self.len())
     }
 
     fn nested_dissection(&self) -> Option<Vec<u32>> {
-        Some(as_vertices(&feral_metis::metis_order(&self.as_columns()?).ok()?))
+        permutation(feral_metis::metis_order(&self.as_columns()?).ok()?, self.len())
     }
 
     fn exceeds_surface_cost(&self, flops: f64) -> bool {
@@ -170,8 +170,11 @@ impl ParticleGraph {
     }
 }
 
-fn as_vertices(order: &[i32]) -> Vec<u32> {
-    order.iter().map(|&v| v as u32).collect()
+/// The order, if it is a permutation.
+fn permutation(order: Vec<i32>, length: usize) -> Option<Vec<u32>> {
+    let mut seen = vec![false; length];
+    let is_new = |&v: &i32| seen.get_mut(v as usize).is_some_and(|seen| !std::mem::replace(seen, true));
+    (order.len() == length && order.iter().all(is_new)).then(|| order.into_iter().map(|v| v as u32).collect())
 }
 
 /// The elimination tree and the cost of an order.
