@@ -1,10 +1,9 @@
 //! Groups of columns that one pair of force evaluations measures together.
 //!
-//! A difference quotient along `e_c` is column c of the Jacobian. Where no two columns of a group have a nonzero entry
-//! in the same row, moving all their coordinates at once measures all of them: each row of the difference belongs to
-//! one column (Curtis, Powell and Reid 1974). Finding few groups is colouring a graph whose neighbours share a row: two
-//! particles joined by a spring, or by two. The greedy colouring needs at most one colour more than the largest number
-//! of such neighbours, whatever the number of particles.
+//! A difference quotient along `e_c` is column c of the Jacobian. Where no two columns of a group have a nonzero entry in the same row, moving all
+//! their coordinates at once measures all of them: each row of the difference belongs to one column (Curtis, Powell and Reid 1974). Finding few
+//! groups is colouring a graph whose neighbours share a row: two particles joined by a spring, or by two. The greedy colouring needs at most one
+//! colour more than the largest number of such neighbours, whatever the number of particles.
 
 use crate::system::{Dof, System};
 use nalgebra_sparse::CscMatrix;

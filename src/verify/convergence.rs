@@ -7,15 +7,11 @@
 //! This shows orders of up to two. Where errors of higher orders are asymptotic they are soon below rounding; such methods are
 //! compared with known motions.
 
-use super::TestCase;
-use super::check::{Check, Claim, Measured};
-use super::force_error::U;
-use super::free_coordinates::reduce;
-use super::limits::AFFORDABLE;
-use super::runs::{MethodVariant, direct};
+use super::{AFFORDABLE, Check, Claim, Measured, MethodVariant, TestCase, U, direct, reduce};
 use crate::figure::{Guide, Plot, Series};
 use crate::linear::norm;
 use crate::system::State;
+use std::collections::BTreeSet;
 
 /// Steps of the coarsest run, and how often they are halved.
 const STEPS: usize = 8;
@@ -85,10 +81,7 @@ pub fn order_checks(name: &str, scene: &str, error: &str, curves: Vec<ErrorCurve
         Check::new(Claim::Convergence, name, scene, curve.deviation(), TOLERANCE, why)
     };
     let mut checks: Vec<Check> = curves.iter().map(check).collect();
-    let mut orders: Vec<u32> = curves.iter().map(|curve| curve.order).collect();
-    orders.sort_unstable();
-    orders.dedup();
-    for order in orders {
+    for order in curves.iter().map(|curve| curve.order).collect::<BTreeSet<u32>>() {
         let of_order = || curves.iter().enumerate().filter(move |(_, curve)| curve.order == order);
         let through = of_order().find_map(|(_, curve)| curve.points.first().copied());
         let mut plot = Plot::log_log(format!("{name}, {scene}"), "step, s", error);

@@ -4,25 +4,27 @@
 //! lost in the rounding of far coordinates has no derivative that could be measured, and beside one that is 10¹² times stiffer a
 //! spring has no digits in any sum. These limits are read from the scene's own numbers, never from the result of a check.
 
-use super::reference::{self, Link};
-use super::{TestCase, U};
+use super::{Link, TestCase, reference};
 use crate::force::Energy;
 use crate::system::{Motion, State};
 use nalgebra::Vector3;
 
-/// Degrees of freedom up to which a scene is run many times.
+/// The unit of rounding, 2⁻⁵³.
+pub const U: f64 = f64::EPSILON / 2.0;
+
+/// Units of rounding that a backward stable solve, or a sum of some ten rounded terms a spring, may leave.
+pub(super) const UNITS: f64 = 30.0;
+
+/// Degrees of freedom up to which a scene is run many times, and those up to which every method and several directions are tried.
 pub(super) const AFFORDABLE: usize = 2000;
+pub(super) const LARGE: usize = 10_000;
 
 /// The largest rounding of a spring's coordinates relative to its length: two digits above the square root of u, the accuracy of
 /// differences of forces.
 const COORDINATES: f64 = 1e-9;
 
-/// The largest ratio of two lengths, at rest or not, and of two stiffnesses: the smaller one must have digits in a sum.
-const LENGTHS: f64 = 1e7;
-const STIFFNESSES: f64 = 1e10;
-
-/// The largest ratio of the masses of particles that move.
-const MASSES: f64 = 1e10;
+/// The largest ratio of two stiffnesses, dampings or masses: the smaller one must have digits in a sum.
+const RATIO: f64 = 1e10;
 
 /// The largest row of A over its smallest eigenvalue m/dt², a bound of the condition number: a solution has two digits.
 const CONDITION: f64 = 1e13;
@@ -32,9 +34,6 @@ const ENERGIES: f64 = 1e-9;
 
 /// Extents of the scene that a particle may go in a step: farther on its old position is lost in rounding.
 const PATH_LENGTH: f64 = 1e4;
-
-/// The longest step over the resolving one: its square times u is a tenth of a percent.
-const STEP: f64 = 1e5;
 
 /// The reason why differences of forces and sums over springs say nothing, if there is one.
 pub(super) fn of_springs(case: &TestCase) -> Option<String> {
@@ -62,16 +61,16 @@ pub(super) fn of_springs(case: &TestCase) -> Option<String> {
     let lengths = || links.iter().flat_map(|link| [Some(link.length), rest_length(link)]).flatten();
     let stiffnesses = || links.iter().map(Link::magnitude);
     let dampings = || links.iter().map(|link| link.damping).filter(|&damping| damping > 0.0);
-    too_far_apart("lengths of springs", "m", lengths, LENGTHS)
-        .or_else(|| too_far_apart("stiffnesses k/l0 + k/l", "N/m", stiffnesses, STIFFNESSES))
-        .or_else(|| too_far_apart("dampings of springs", "N·s/m", dampings, STIFFNESSES))
+    too_far_apart("lengths of springs", "m", lengths, 1e7)
+        .or_else(|| too_far_apart("stiffnesses k/l0 + k/l", "N/m", stiffnesses, RATIO))
+        .or_else(|| too_far_apart("dampings of springs", "N·s/m", dampings, RATIO))
 }
 
 /// The reason why steps say nothing, if there is one.
 pub(super) fn of_steps(case: &TestCase) -> Option<String> {
     let TestCase { system, state, dt, .. } = case;
     let masses = || reference::movers(system).map(|p| system.masses()[p]);
-    let found = of_springs(case).or_else(|| too_far_apart("masses of particles that move", "kg", masses, MASSES));
+    let found = of_springs(case).or_else(|| too_far_apart("masses of particles that move", "kg", masses, RATIO));
     if found.is_some() || system.dofs().is_empty() {
         return found;
     }
@@ -93,8 +92,7 @@ pub(super) fn of_steps(case: &TestCase) -> Option<String> {
     let path = (fastest + system.gravity().norm() * dt) * dt / case.extent();
     (path.is_nan() || path > PATH_LENGTH).then(|| {
         format!(
-            "a particle goes {path:.1e} times the extent of the scene in a step, more than {PATH_LENGTH:.0e}: its old position is lost in \
-             rounding"
+            "a particle goes {path:.1e} times the extent of the scene in a step, more than {PATH_LENGTH:.0e}: its old position is lost in rounding"
         )
     })
 }
@@ -113,8 +111,7 @@ pub(super) fn of_estimates(case: &TestCase) -> Option<String> {
     let exchanged = energy.kinetic + energy.elastic + falls;
     (U * heights > ENERGIES * exchanged).then(|| {
         format!(
-            "the energy of weights is {heights:.1e} J, whose rounding is more than {ENERGIES:.0e} of the {exchanged:.1e} J that the motion \
-             exchanges"
+            "the energy of weights is {heights:.1e} J, whose rounding is more than {ENERGIES:.0e} of the {exchanged:.1e} J that the motion exchanges"
         )
     })
 }
@@ -156,7 +153,8 @@ impl TestCase {
     /// fast that the balancing forces are a billion times as large as those that move anything.
     pub(super) fn beyond_rounding(&self, dt: f64) -> Option<String> {
         let factor = dt / self.resolving_step();
-        (factor > STEP).then(|| {
+        // The square of that, times u, is a tenth of a percent.
+        (factor > 1e5).then(|| {
             format!("a step is {factor:.0e} times as long as one that resolves the fastest vibration or decay")
         })
     }
