@@ -47,8 +47,7 @@ impl ColumnGroups {
         Self { rows, groups }
     }
 
-    /// From the stored entries of a square matrix. An entry that it lacks and a force has is then seen only in a row in
-    /// which no other column of the group stands.
+    /// From the stored entries of a square matrix. An entry that only a force has is seen in rows in which no other column of the group stands.
     pub fn of_matrix(matrix: &CscMatrix<f64>) -> Self {
         let rows: Vec<Vec<u32>> =
             matrix.col_iter().map(|column| column.row_indices().iter().map(|&row| row as u32).collect()).collect();
@@ -76,8 +75,7 @@ impl ColumnGroups {
     }
 }
 
-/// Greedy colouring of vertices so that no two of a colour are in one list: `lists` has the lists of every vertex,
-/// `members` the vertices of every list.
+/// Greedy colouring: no two vertices of a colour are in one list. `lists` has the lists of every vertex, `members` the vertices of every list.
 fn color(lists: &[Vec<u32>], members: &[Vec<u32>]) -> Vec<Vec<usize>> {
     let mut colors = vec![usize::MAX; lists.len()];
     let mut groups: Vec<Vec<usize>> = Vec::new();

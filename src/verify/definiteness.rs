@@ -71,8 +71,7 @@ pub(super) fn always(case: &TestCase) -> Measured {
     Ok(checks)
 }
 
-/// Cholesky's verdict and the signs of D against the signs of all eigenvalues, at steps across the critical one; and the
-/// number of negative ones never falls as the step grows.
+/// Cholesky's verdict and the signs of D against all eigenvalues at steps across the critical one; negative ones never get fewer as it grows.
 pub(super) fn inertia(case: &TestCase) -> Measured {
     let mut checks = Vec::new();
     for twin in [case.clone(), case.squeezed()?] {
@@ -144,13 +143,13 @@ fn rounding(case: &TestCase, dt: f64) -> f64 {
 }
 
 /// Both factorizations on a scene's pattern.
-pub(super) struct Factored {
-    pub cholesky: Cholesky,
+struct Factored {
+    cholesky: Cholesky,
     ldlt: Ldlt,
 }
 
 impl Factored {
-    pub fn new(case: &TestCase) -> Result<Self, Unfinished> {
+    fn new(case: &TestCase) -> Result<Self, Unfinished> {
         let a = StepMatrices::assemble(&case.system, &case.state, Stiffness::Tension, case.dt)?.a;
         let pattern = a.pattern();
         Ok(Self { cholesky: Cholesky::analyse(pattern, Par::Seq)?, ldlt: Ldlt::analyse(pattern, Par::Seq)? })

@@ -15,8 +15,7 @@
 //! **Tangents and adjoints.** A step solves `J d = b` for the tangent d, and `Jᵀ λ = c` for the adjoint λ. With residuals r and s of the computed
 //! ones `c·d − λ·b = λ·r − s·d`: backward stable solves leave `30 u ‖J‖` of `‖λ‖ ‖d‖` each, which is at most the condition number times the product.
 //!
-//! **Dual numbers.** The derivatives of a spring's force by k, l0, b, the positions and the velocities of its ends come from the force written a
-//! second time; the adjoint of the force must agree to rounding.
+//! **Dual numbers.** The derivatives of a spring's force by its parameters and its ends come from the force written a second time, to rounding.
 
 use super::{
     AFFORDABLE, Check, Claim, ErrorCurve, Link, Measured, TestCase, U, Unfinished, order_checks, random_vector, ratio,
@@ -223,8 +222,8 @@ pub(super) fn remainders(case: &TestCase) -> Measured {
         match allowed(found)?.and_then(|found| found) {
             Ok([first, second]) => {
                 curves.push(first);
-                // A remainder that falls faster, because the second derivative vanishes, is no fault, nor one that changes its sign at larger h, where terms
-                // cancel. With a wrong gradient slopes fall towards 1.
+                // A remainder that falls faster, or changes its sign at larger h where terms cancel, is no fault. With a wrong gradient slopes fall
+                // towards 1.
                 match second.unclear() {
                     Some(reason) if second.observed() > 2.0 || second.approaches() => {
                         checks.push(not_judged(&second.method, reason))

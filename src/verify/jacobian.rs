@@ -217,8 +217,7 @@ fn representable(h: f64, x: f64) -> f64 {
     (coarse + h) - coarse
 }
 
-/// The derivative from central differences at [`steps`], each with its rounding error; steps at which the function is not finite
-/// are passed over. NaN if none is left.
+/// The derivative from central differences at [`steps`] and their rounding, without those at which the function is not finite; NaN if none is left.
 fn extrapolate(differences: &[f64; LEVELS], rounding: &[f64; LEVELS]) -> Estimate {
     let refined: [f64; LEVELS - 1] = std::array::from_fn(|level| {
         let (coarse, fine) = (differences[level], differences[level + 1]);
@@ -292,8 +291,7 @@ impl Comparison {
     }
 }
 
-/// Lists the comparisons of a group: expected entries, those that only the matrix has, and in rows that no column of the
-/// group accounts for the change that should not be there.
+/// Lists the comparisons of a group: expected entries, those that only the matrix has, and changes in rows that no column accounts for.
 fn compare_group(
     changes: &[Change],
     group: &[usize],

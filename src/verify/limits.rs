@@ -19,8 +19,7 @@ pub(super) const UNITS: f64 = 30.0;
 pub(super) const AFFORDABLE: usize = 2000;
 pub(super) const LARGE: usize = 10_000;
 
-/// The largest rounding of a spring's coordinates relative to its length: two digits above the square root of u, the accuracy of
-/// differences of forces.
+/// The largest rounding of a spring's coordinates over its length: two digits above √u, the accuracy of differences of forces.
 const COORDINATES: f64 = 1e-9;
 
 /// The largest ratio of two stiffnesses, dampings or masses: the smaller one must have digits in a sum.
@@ -97,8 +96,7 @@ pub(super) fn of_steps(case: &TestCase) -> Option<String> {
     })
 }
 
-/// The reason why a run's estimates of its own error cannot be judged, if there is one: they look for energy that comes or goes, so the
-/// rounding of all energy, that of held particles included, must be small against the exchanged energy.
+/// The reason why a run's estimates of its own error cannot be judged, if there is one: the rounding of all energy hides the exchanged energy.
 pub(super) fn of_estimates(case: &TestCase) -> Option<String> {
     if let Some(reason) = of_steps(case) {
         return Some(reason);
@@ -149,8 +147,8 @@ impl TestCase {
         (0..system.particles()).map(acceleration).collect()
     }
 
-    /// The reason why rounding cannot be followed through a step of dt seconds, if there is one: the fastest vibration or decay is so
-    /// fast that the balancing forces are a billion times as large as those that move anything.
+    /// The reason why rounding cannot be followed through a step of dt seconds, if there is one: the fastest vibration or decay is far too fast for
+    /// it.
     pub(super) fn beyond_rounding(&self, dt: f64) -> Option<String> {
         let factor = dt / self.resolving_step();
         // The square of that, times u, is a tenth of a percent.
@@ -159,8 +157,8 @@ impl TestCase {
         })
     }
 
-    /// The reason why runs of a duration say little of a method, if there is one: by the velocities and accelerations at the start the ends
-    /// of a spring move by more than a quarter of its length, so that it turns about. Its force is then no smooth function of time.
+    /// The reason why runs of a duration say little of a method, if there is one: a spring turns about, so that its force is no smooth function of
+    /// time.
     pub(super) fn passing(&self, duration: f64) -> Option<String> {
         let Self { system, state, .. } = self;
         let accelerations = self.accelerations();

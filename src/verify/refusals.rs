@@ -5,14 +5,14 @@
 //! direction whose curvature really is negative. Conjugate gradients also report a limit that is too low, a tolerance that rounding cannot meet and
 //! numbers that are not finite; a spring whose ends coincide is named.
 
-use super::definiteness::{Factored, is_small};
+use super::definiteness::is_small;
 use super::reference::{self, dense_step_matrix, field};
 use super::{Check, Claim, Measured, TestCase, U, Unfinished, ratio, reduce};
 use crate::force::{DegenerateSpring, SpringGeometry};
 use crate::integrate::{ImplicitOptions, LinearBackwardEuler, Status, StepFailure, StepMatrices, TimeStepper};
 use crate::linear::{
-    CgOutcome, ConjugateGradient, Definiteness, LdltSolver, Preconditioner, PreconditionerKind, Prepare, SolveFailure,
-    SolverChoice, SolverOptions, backward_error, norm,
+    CgOutcome, Cholesky, ConjugateGradient, Definiteness, LdltSolver, Preconditioner, PreconditionerKind, Prepare,
+    SolveFailure, SolverChoice, SolverOptions, backward_error, norm,
 };
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::Stiffness;
@@ -26,8 +26,7 @@ fn reported(case: &TestCase, name: impl Into<String>, is_reported: bool, why: &s
     Check::new(Claim::Failure, name, &case.name, if is_reported { 0.0 } else { 1.0 }, 0.0, why)
 }
 
-/// The shortest step, doubling from the scene's, at which A of the squeezed twin is indefinite beyond rounding, and the number
-/// of negative eigenvalues.
+/// The shortest step, doubling from the scene's, at which A of the squeezed twin is clearly indefinite, and the number of negative eigenvalues.
 fn indefinite_step(twin: &TestCase) -> Option<(f64, usize)> {
     (0..24).map(|doubling| twin.dt * f64::from(1 << doubling)).find_map(|dt| {
         let eigenvalues = dense_step_matrix(twin, Stiffness::Full, dt).symmetric_eigenvalues();
@@ -56,7 +55,7 @@ pub(super) fn indefinite(case: &TestCase) -> Measured {
     let b = reduce(system, &field(system));
 
     let matrix = StepMatrices::assemble(system, &twin.state, Stiffness::Full, dt)?.a;
-    let refused = Factored::new(&twin)?.cholesky.factor(&matrix).is_err();
+    let refused = Cholesky::analyse(matrix.pattern(), Par::Seq)?.factor(&matrix).is_err();
     let why = "a Cholesky factorization exists if and only if A is positive definite";
     let mut checks = vec![reported(&twin, "Cholesky refuses an indefinite matrix", refused, why)];
 

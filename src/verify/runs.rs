@@ -1,8 +1,6 @@
-//! Runs of a scene by each of the methods, and runs that must be the same to the bit: the same run twice, with one thread and with two,
-//! in a plane and in space.
+//! Runs of a scene by each of the methods, and runs that must be the same to the bit: twice, with one thread and with two, in a plane and in space.
 //!
-//! A planar scene has the same degrees of freedom as its twin in space with the third axis held, hence the same matrices,
-//! the same operations and the same rounding.
+//! A planar scene has the same degrees of freedom as its twin in space with the third axis held, hence the same operations and the same rounding.
 
 use super::{Check, Claim, LARGE, Measured, TestCase, Unfinished, worst};
 use crate::error::Error;
@@ -35,8 +33,7 @@ impl MethodVariant {
         Self { method: Method::Dop853, stiffness: StiffnessPolicy::OnDemand }
     }
 
-    /// Every method; those that solve one linear system after the other under every option, as the option is in the
-    /// result. On large scenes one implicit variant and one explicit one.
+    /// Every method, under every option where the result depends on it. On large scenes one implicit variant and one explicit one.
     pub fn of(case: &TestCase) -> impl Iterator<Item = Self> {
         let affordable = case.system.dofs().len() <= LARGE;
         let all = Method::ALL.into_iter().flat_map(|method| {

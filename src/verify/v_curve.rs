@@ -8,8 +8,7 @@
 //! its particle: weak parts of a scene count like stiff ones. K is applied to the displacement that is left after
 //! rounding x ± h w, so that a scene far from the origin loses nothing but the exactness of the middle.
 //!
-//! Options II and III drop transverse terms of K. With these added back the V-curve has its floor again; without them it ends
-//! on a plateau of their size.
+//! Options II and III drop transverse terms of K: with these added back the V-curve has its floor again, without them a plateau of their size.
 
 use super::free_coordinates::elastic_force;
 use super::jacobian::{JacobianOptions, check_jacobian};
@@ -113,15 +112,14 @@ impl VCurve {
         best.map_or((f64::NAN, f64::NAN, f64::NAN), |point| (point.h, point.error, point.allowed))
     }
 
-    /// Slope where truncation must dominate: at least ten times every rounding, and h so small that the next term,
-    /// smaller by h², does not show. `None` where f is linear along w or too few steps are left.
+    /// Slope where truncation is ten times all rounding and h hides the next term; `None` where f is linear along w or too few steps are left.
     fn truncation_slope(&self) -> Option<f64> {
         let dominates = |p: &&Point| p.h <= 1.0 / 64.0 && p.truncation >= 10.0 * (p.rounding + p.offset);
         slope(self.0.iter().filter(dominates), 4)
     }
 
-    /// Slope where rounding must dominate: ten times truncation and the middle's error, at a thirtieth of its bound.
-    /// Steps at which it vanishes are left out: along the axes d, l and n may be exact.
+    /// Slope where rounding, at a thirtieth of its bound, is ten times all else. Steps at which it vanishes are left out: along an axis n may be
+    /// exact.
     fn rounding_slope(&self) -> Option<f64> {
         let dominates = |p: &&Point| p.rounding <= 3.0 && p.rounding / 30.0 >= 10.0 * worst([p.truncation, p.offset]);
         let vanishes = |p: &Point| p.error < 1e-3 * p.rounding;
