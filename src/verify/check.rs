@@ -1,7 +1,6 @@
 //! Claims, and the outcome of the checks that support them, as data.
 
-use super::comparison::Entry;
-pub(super) use super::comparison::{ratio, worst};
+use super::Entry;
 use crate::error::Error;
 use crate::figure::{Drawing, Plot};
 use crate::force::DegenerateSpring;
@@ -82,11 +81,10 @@ impl Claim {
                 "jacobian",
                 "The Jacobian is the derivative of the force",
                 "K w = [f(x + h w) − f(x − h w)] / 2h + O(h²)",
-                "An implicit step needs the matrix K, the derivative of the spring forces by the positions. It is programmed \
-                 from a formula, so it can be wrong where the force is right. Here the particles are moved by a small h, and \
-                 the change of the force is compared with the prediction of K. As h shrinks the difference first falls with \
-                 h², the truncation error, then rises with 1/h, the rounding error: a V whose slopes and floor are known \
-                 beforehand. A wrong K shows as a plateau.",
+                "An implicit step needs the matrix K, the derivative of the spring forces by the positions. It is programmed from a formula, so it \
+                 can be wrong where the force is right. Here the particles are moved by a small h, and the change of the force is compared with the \
+                 prediction of K. As h shrinks the difference first falls with h², the truncation error, then rises with 1/h, the rounding error: a \
+                 V whose slopes and floor are known beforehand. A wrong K shows as a plateau.",
             ],
             Self::Consistency => [
                 "consistency",
@@ -99,26 +97,23 @@ impl Claim {
                 "assembly",
                 "Matrix-free and assembled products agree",
                 "|A w − (M w/dt² − G w/dt − K w)| ≤ 30 u |A| |w|",
-                "The same matrix exists twice: entry by entry, and as a loop over springs that multiplies without forming it. \
-                 Both are applied to the same vectors, and may differ by rounding only, in every component; u = 1.1 × 10⁻¹⁶ \
-                 is the unit of rounding.",
+                "The same matrix exists twice: entry by entry, and as a loop over springs that multiplies without forming it. Both are applied to \
+                 the same vectors, and may differ by rounding only, in every component; u = 1.1 × 10⁻¹⁶ is the unit of rounding.",
             ],
             Self::Refill => [
                 "refill",
                 "Refilling the matrix equals assembling it afresh, to the bit",
                 "A(refilled) − A(fresh) = 0",
-                "The places of the nonzero entries are found once and only their values are renewed at every step. A value \
-                 left over from the step before would be hard to see in the motion, so the renewed matrix is compared with \
-                 one made from nothing. Not one bit may differ.",
+                "The places of the nonzero entries are found once and only their values are renewed at every step. A value left over from the step \
+                 before would be hard to see in the motion, so the renewed matrix is compared with one made from nothing. Not one bit may differ.",
             ],
             Self::Solvers => [
                 "solvers",
                 "All solvers give the same solution",
                 "‖b − A x‖ / (‖A‖ ‖x‖ + ‖b‖) ≤ 30 u",
-                "Every step solves a linear system. The backward error above tells how far the system would have to be \
-                 changed for the computed x to solve it exactly: a few roundings for a direct method, the tolerance for an \
-                 iterative one. Independent libraries solve the same systems, and the solutions may differ by what the \
-                 condition of the matrix allows.",
+                "Every step solves a linear system. The backward error above tells how far the system would have to be changed for the computed x to \
+                 solve it exactly: a few roundings for a direct method, the tolerance for an iterative one. Independent libraries solve the same \
+                 systems, and the solutions may differ by what the condition of the matrix allows.",
             ],
             Self::Definiteness => [
                 "definiteness",
@@ -140,10 +135,9 @@ impl Claim {
                 "stability",
                 "Methods are stable where theory says, and nowhere else",
                 "|g(ω dt)| ≤ 1",
-                "With too long a step every oscillation grows, however exactly its equations are solved. For one particle \
-                 between two springs the longest stable step is known by formula, for every method and every way of \
-                 simplifying the matrix. Hundreds of runs on both sides of that limit are judged by their motion, and the \
-                 judgement must change exactly there.",
+                "With too long a step every oscillation grows, however exactly its equations are solved. For one particle between two springs the \
+                 longest stable step is known by formula, for every method and every way of simplifying the matrix. Hundreds of runs on both sides \
+                 of that limit are judged by their motion, and the judgement must change exactly there.",
             ],
             Self::Convergence => [
                 "convergence",
@@ -243,10 +237,7 @@ impl Check {
 
     /// The check itself if it passes or there is no reason not to judge it, else not judged for that reason.
     pub(super) fn unless(self, reason: impl FnOnce() -> Option<String>) -> Self {
-        if self.passed() {
-            return self;
-        }
-        match reason() {
+        match if self.passed() { None } else { reason() } {
             Some(reason) => Self::not_judged(self.claim, self.name, self.scene, reason),
             None => self,
         }
@@ -369,14 +360,6 @@ mod tests {
 
     fn check(claim: Claim, value: f64, bound: f64) -> Check {
         Check::new(claim, "n", "s", value, bound, "w")
-    }
-
-    #[test]
-    fn the_worst_of_errors_is_nan_if_one_is_or_there_are_none() {
-        assert_eq!([worst([1.0, 3.0, 2.0]), worst([-2.0, -1.0])], [3.0, -1.0]);
-        let nan: [&[f64]; 4] = [&[f64::NAN, 1.0], &[1.0, f64::NAN, 2.0], &[1.0, f64::NAN], &[]];
-        assert!(nan.iter().all(|values| worst(values.iter().copied()).is_nan()));
-        assert_eq!([ratio(0.0, 0.0), ratio(0.0, 2.0), ratio(3.0, 2.0)], [0.0, 0.0, 1.5]);
     }
 
     /// Every claim has texts of its own, and is written by its id.

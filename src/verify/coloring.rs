@@ -1,10 +1,9 @@
 //! Groups of columns that one pair of force evaluations measures together.
 //!
-//! A difference quotient along `e_c` is column c of the Jacobian. Where no two columns of a group have a nonzero entry
-//! in the same row, moving all their coordinates at once measures all of them: each row of the difference belongs to
-//! one column (Curtis, Powell and Reid 1974). Finding few groups is colouring a graph whose neighbours share a row: two
-//! particles joined by a spring, or by two. The greedy colouring needs at most one colour more than the largest number
-//! of such neighbours, whatever the number of particles.
+//! A difference quotient along `e_c` is column c of the Jacobian. Where no two columns of a group have a nonzero entry in the same row, moving all
+//! their coordinates at once measures all of them: each row of the difference belongs to one column (Curtis, Powell and Reid 1974). Finding few
+//! groups is colouring a graph whose neighbours share a row: two particles joined by a spring, or by two. The greedy colouring needs at most one
+//! colour more than the largest number of such neighbours, whatever the number of particles.
 
 use crate::system::{Dof, System};
 use nalgebra_sparse::CscMatrix;
@@ -48,8 +47,7 @@ impl ColumnGroups {
         Self { rows, groups }
     }
 
-    /// From the stored entries of a square matrix. An entry that it lacks and a force has is then seen only in a row in
-    /// which no other column of the group stands.
+    /// From the stored entries of a square matrix. An entry that only a force has is seen in rows in which no other column of the group stands.
     pub fn of_matrix(matrix: &CscMatrix<f64>) -> Self {
         let rows: Vec<Vec<u32>> =
             matrix.col_iter().map(|column| column.row_indices().iter().map(|&row| row as u32).collect()).collect();
@@ -77,8 +75,7 @@ impl ColumnGroups {
     }
 }
 
-/// Greedy colouring of vertices so that no two of a colour are in one list: `lists` has the lists of every vertex,
-/// `members` the vertices of every list.
+/// Greedy colouring: no two vertices of a colour are in one list. `lists` has the lists of every vertex, `members` the vertices of every list.
 fn color(lists: &[Vec<u32>], members: &[Vec<u32>]) -> Vec<Vec<usize>> {
     let mut colors = vec![usize::MAX; lists.len()];
     let mut groups: Vec<Vec<usize>> = Vec::new();

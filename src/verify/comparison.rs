@@ -1,6 +1,6 @@
 //! Compared entries of matrices and vectors, the worst ones in a table, with the difference in words.
 
-use super::force_error::ForceError;
+use super::ForceError;
 use crate::error::Invalid;
 use crate::system::System;
 use nalgebra::{Matrix3, Vector3};
@@ -26,8 +26,6 @@ pub fn worst(values: impl IntoIterator<Item = f64>) -> f64 {
 pub(super) fn ratio(error: f64, unit: f64) -> f64 {
     if error == 0.0 { 0.0 } else { error / unit }
 }
-
-const TABLE_ROWS: usize = 10;
 
 /// The verdict on an entry whose derivative is lost in rounding.
 pub(super) const CANNOT_BE_MEASURED: &str = "cannot be measured";
@@ -103,10 +101,9 @@ fn verdict(analytic: f64, numeric: f64, tolerance: f64) -> String {
     }
 }
 
-/// The entries with the largest error relative to the allowed one, worst first, and their statistics.
+/// The ten entries with the largest error relative to the allowed one, worst first, and the statistics of all.
 #[derive(Debug, Clone)]
 pub(super) struct WorstEntries {
-    limit: usize,
     ranked: Vec<(f64, Entry)>,
     /// The largest error as a multiple of the allowed one: NaN if any is, and as long as nothing was compared.
     pub worst: f64,
@@ -116,11 +113,7 @@ pub(super) struct WorstEntries {
 
 impl WorstEntries {
     pub fn new() -> Self {
-        Self::with_limit(TABLE_ROWS)
-    }
-
-    fn with_limit(limit: usize) -> Self {
-        Self { limit, ranked: Vec::new(), worst: f64::NAN, compared: 0, wrong: 0 }
+        Self { ranked: Vec::new(), worst: f64::NAN, compared: 0, wrong: 0 }
     }
 
     /// Compares two values. An allowed error that is NaN or infinite says nothing of the entry: it fails.
@@ -173,12 +166,12 @@ impl WorstEntries {
         self.wrong += if ratio <= 1.0 { 0 } else { 1 };
         let rank = |ratio: f64| if ratio.is_nan() { f64::INFINITY } else { ratio };
         let place = self.ranked.partition_point(|(other, _)| rank(*other) >= rank(ratio));
-        if place < self.limit {
+        if place < 10 {
             let entry = Entry { spring, ..Entry::new(row, column, analytic, numeric, allowed) };
             let unsure = !allowed.is_finite() && analytic.is_finite() && numeric.is_finite();
             let entry = if unsure { entry.with_verdict(CANNOT_BE_MEASURED) } else { entry };
             self.ranked.insert(place, (ratio, entry));
-            self.ranked.truncate(self.limit);
+            self.ranked.truncate(10);
         }
     }
 
@@ -224,8 +217,7 @@ pub(super) fn particle_block(system: &System, matrix: &CscMatrix<f64>, i: usize,
     Matrix3::from_fn(|r, c| if modelled(r, c) { entry_of(matrix, rows + r, columns + c) } else { 0.0 })
 }
 
-/// The coefficients `(α, β)` of the block `α (I − nnᵀ) + β nnᵀ` over the first `dimension` axes, and the largest entry
-/// of the remainder.
+/// The coefficients `(α, β)` of the block `α (I − nnᵀ) + β nnᵀ` over the first `dimension` axes, and the largest entry of the remainder.
 fn coefficients(block: &Matrix3<f64>, n: &Vector3<f64>, dimension: usize) -> (f64, f64, f64) {
     let axial = n.dot(&(block * n));
     let transverse = if dimension > 1 { (block.trace() - axial) / (dimension - 1) as f64 } else { 0.0 };
@@ -234,8 +226,7 @@ fn coefficients(block: &Matrix3<f64>, n: &Vector3<f64>, dimension: usize) -> (f6
     (transverse, axial, (block - form).amax())
 }
 
-/// The fault of one spring's block in words, where both blocks have the form of one; differences up to `tolerance`, in
-/// N/m, count as agreement.
+/// The fault of one spring's block in words, where both blocks have the form of one; differences up to `tolerance`, in N/m, count as agreement.
 fn block_verdict(
     analytic: &Matrix3<f64>,
     numeric: &Matrix3<f64>,
@@ -291,8 +282,7 @@ pub(super) fn entry_of(matrix: &CscMatrix<f64>, row: usize, column: usize) -> f6
     matrix.get_entry(row, column).map_or(0.0, |entry| entry.into_value())
 }
 
-/// Visits the rows that springs couple to a column, stored or not, and those that only the matrix has:
-/// (row, stored value or zero, coupled).
+/// Visits the rows that springs couple to a column, stored or not, and those that only the matrix has: (row, stored value or zero, coupled).
 pub(super) fn for_each_entry(
     matrix: &CscMatrix<f64>,
     column: usize,

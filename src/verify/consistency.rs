@@ -1,17 +1,17 @@
 //! Energies and damping against the forces: G and the energy's gradient by central differences, energies as work.
 //!
-//! From x to x + w the elastic energy grows by `−∫₀¹ f_el(x + s w)·w ds`, the gravitational one by `−Σ m gravity·w`. Gauss's
-//! quadrature with eight nodes is exact to rounding as long as no spring changes by more than a twentieth: its integrand is
-//! analytic far around the interval.
+//! From x to x + w the elastic energy grows by `−∫₀¹ f_el(x + s w)·w ds`, the gravitational one by `−Σ m gravity·w`. Gauss's quadrature with eight
+//! nodes is exact to rounding as long as no spring changes by more than a twentieth: its integrand is analytic far around the interval.
 
-use super::TestCase;
-use super::check::{Check, Claim, Measured, ratio, worst};
-use super::coloring::{ColumnGroups, evaluate_moved};
-use super::comparison::{WorstEntries, check_square};
+use super::coloring::evaluate_moved;
+use super::comparison::check_square;
 use super::dual::{damping_turns, force_against_energy};
-use super::force_error::{ForceError, SECOND, U};
-use super::free_coordinates::{VECTORS, damping_force, elastic_energy, elastic_force, random_vector, reduce};
-use super::reference::{self, Link, active_links, field, sizes};
+use super::free_coordinates::{damping_force, elastic_energy, elastic_force};
+use super::reference::{self, active_links, field, sizes};
+use super::{
+    Check, Claim, ColumnGroups, ForceError, Link, Measured, SECOND, TestCase, U, VECTORS, WorstEntries, expand,
+    random_vector, ratio, reduce, worst,
+};
 use crate::error::{Result, check_length};
 use crate::force::{Energy, SpringGeometry, add_elastic_force, add_weight};
 use crate::integrate::StepMatrices;
@@ -98,10 +98,9 @@ pub fn damping_dissipates(case: &TestCase, damping: &impl LinearOperator) -> Res
 
 /// Compares the elastic force with the slope of the elastic energy, `f·w = −dU(x + s w)/ds`, by central differences.
 ///
-/// `energy` is U over the free coordinates, in J; `force` is f_el under test, in N. Value: the largest error over
-/// random directions as a multiple of truncation and rounding of the whole sum. Sees a force or an energy that is wrong
-/// somewhere by more than about 1e-8 of the whole; is blind to faults of single weak springs in large scenes, which
-/// [`force_against_energy`] sees.
+/// `energy` is U over the free coordinates, in J; `force` is f_el under test, in N. Value: the largest error over random directions as a multiple of
+/// truncation and rounding of the whole sum. Sees a force or an energy that is wrong somewhere by more than about 1e-8 of the whole; is blind to
+/// faults of single weak springs in large scenes, which [`force_against_energy`] sees.
 ///
 /// # Errors
 /// Coincident ends of a spring; a force of another length.
@@ -152,8 +151,7 @@ struct SlopeBounds {
 impl SlopeBounds {
     fn new(error: &ForceError, state: &State, w: &[f64], force: &[f64]) -> Self {
         let system = error.system;
-        let particles = 0..system.particles();
-        let moves: Vec<_> = particles.clone().map(|particle| system.dofs().get(w, particle)).collect();
+        let moves = expand(system, w);
         let (mut curvature, mut springs, mut scale, mut middle) = (0.0, 0.0, 0.0, 0.0);
         for link in &error.links {
             let (l, a, c) = (link.length, link.axial, link.curved);
@@ -169,7 +167,7 @@ impl SlopeBounds {
         let own: f64 = moves.iter().zip(&error.rounding).map(|(w, rounding)| rounding * w.norm() * 2.0).sum();
         let slope = middle + own + U * force.len() as f64 * product;
         // Zero without a spring, whose shortest length is infinite.
-        let resolved = particles.map(|p| 128.0 * U * state.positions[p].amax() / error.shortest(p));
+        let resolved = (0..moves.len()).map(|p| 128.0 * U * state.positions[p].amax() / error.shortest(p));
         let resolved = resolved.fold(0.0, f64::max).min(0.125);
         Self { curvature, springs, sum: U * system.springs().len() as f64, slope, force: scale, resolved }
     }
@@ -195,7 +193,7 @@ pub(super) fn work_energy(case: &TestCase) -> Measured {
     let shortest = if shortest.is_finite() { shortest } else { case.extent() };
     // Both ends move by at most 3^(1/2) of a component each.
     let free: Vec<f64> = reduce(system, &field(system)).iter().map(|w| w * (shortest / 80.0)).collect();
-    let w: Vec<Vector3<f64>> = (0..system.particles()).map(|p| system.dofs().get(&free, p)).collect();
+    let w = expand(system, &free);
     let at = |s: f64| {
         let moved = state.positions.iter().zip(&w).map(|(x, w)| x + w * s);
         State { positions: moved.collect(), ..state.clone() }
@@ -203,12 +201,11 @@ pub(super) fn work_energy(case: &TestCase) -> Measured {
     let (mut elastic, mut weight) = (0.0, 0.0);
     for (node, share) in NODES.into_iter().flat_map(|(x, share)| [(-x, share), (x, share)]) {
         let geometry = SpringGeometry::at(system, &at(0.5 + 0.5 * node).positions)?;
-        let mut force = vec![Vector3::zeros(); w.len()];
-        add_elastic_force(system, &geometry, &mut force);
-        elastic += 0.5 * share * dot(&force, &w);
-        force.fill(Vector3::zeros());
-        add_weight(system, &mut force);
-        weight += 0.5 * share * dot(&force, &w);
+        let [mut springs, mut weights] = [(); 2].map(|()| vec![Vector3::zeros(); w.len()]);
+        add_elastic_force(system, &geometry, &mut springs);
+        add_weight(system, &mut weights);
+        elastic += 0.5 * share * dot(&springs, &w);
+        weight += 0.5 * share * dot(&weights, &w);
     }
     let (before, after) = (Energy::of(system, state), Energy::of(system, &at(1.0)));
     let check = |name: &str, error: f64, unit, bound, why: &str| {

@@ -1,21 +1,16 @@
 //! Errors shrink with the step at the order of the method.
 //!
-//! The same time is run with steps h, h/2, h/4, …; with `x_h = x + C hᵖ + …` the distance of neighbours is
-//! `x_h − x_{h/2} = (1 − 2⁻ᵖ) C hᵖ + …`, so its logarithm falls with slope p, whatever the true solution is. The steps are
-//! short enough to resolve every vibration: stiff scenes show less than the order until they are.
+//! The same time is run with steps h, h/2, h/4, …: with `x_h = x + C hᵖ + …` neighbours differ by `(1 − 2⁻ᵖ) C hᵖ + …`, whose logarithm falls with
+//! slope p, whatever the true solution is. The steps are short enough to resolve every vibration: stiff scenes show less than the order until they
+//! are.
 //!
-//! This shows orders of up to two. Where errors of higher orders are asymptotic they are soon below rounding; such methods are
-//! compared with known motions.
+//! This shows orders of up to two. Errors of higher orders are soon below rounding: such methods are compared with known motions.
 
-use super::TestCase;
-use super::check::{Check, Claim, Measured};
-use super::force_error::U;
-use super::free_coordinates::reduce;
-use super::limits::AFFORDABLE;
-use super::runs::{MethodVariant, direct};
+use super::{AFFORDABLE, Check, Claim, Measured, MethodVariant, TestCase, U, direct, reduce};
 use crate::figure::{Guide, Plot, Series};
 use crate::linear::norm;
 use crate::system::State;
+use std::collections::BTreeSet;
 
 /// Steps of the coarsest run, and how often they are halved.
 const STEPS: usize = 8;
@@ -57,8 +52,8 @@ impl ErrorCurve {
         (last - order).abs() < (before - order).abs()
     }
 
-    /// The reason why the curve says nothing of the order, if there is one: errors do not fall with one power yet, or with a higher one
-    /// than that of the leading term, which then vanishes.
+    /// The reason why the curve says nothing of the order, if there is one: no one power of the step yet, or a higher one as the leading term
+    /// vanishes.
     pub(super) fn unclear(&self) -> Option<String> {
         let [.., before, last] = self.slopes()[..] else { return None };
         let order = f64::from(self.order);
@@ -76,8 +71,7 @@ impl ErrorCurve {
     }
 }
 
-/// One check a curve: the distance of the observed order from theory. For each order the plot of all its curves goes with
-/// the check that is farthest off.
+/// One check a curve: the distance of the observed order from theory. The plot of all curves of an order goes with the one that is farthest off.
 pub fn order_checks(name: &str, scene: &str, error: &str, curves: Vec<ErrorCurve>) -> Vec<Check> {
     let why = "distance of the observed order from theory; the part of the next order at these steps is below 0.2";
     let check = |curve: &ErrorCurve| {
@@ -85,10 +79,7 @@ pub fn order_checks(name: &str, scene: &str, error: &str, curves: Vec<ErrorCurve
         Check::new(Claim::Convergence, name, scene, curve.deviation(), TOLERANCE, why)
     };
     let mut checks: Vec<Check> = curves.iter().map(check).collect();
-    let mut orders: Vec<u32> = curves.iter().map(|curve| curve.order).collect();
-    orders.sort_unstable();
-    orders.dedup();
-    for order in orders {
+    for order in curves.iter().map(|curve| curve.order).collect::<BTreeSet<u32>>() {
         let of_order = || curves.iter().enumerate().filter(move |(_, curve)| curve.order == order);
         let through = of_order().find_map(|(_, curve)| curve.points.first().copied());
         let mut plot = Plot::log_log(format!("{name}, {scene}"), "step, s", error);
@@ -113,8 +104,7 @@ pub(super) fn coarsest(case: &TestCase) -> f64 {
     case.dt.min(case.resolving_step() / 4.0)
 }
 
-/// Where the vibrations are not much faster than the scene's step, and something is moving: the first-order error
-/// `½ a T h` of the finest run must have digits.
+/// Where vibrations are not much faster than the scene's step, and the first-order error `½ a T h` of the finest run has digits.
 pub(super) fn is_soft(case: &TestCase) -> bool {
     let h = coarsest(case);
     let dofs = case.system.dofs().len();

@@ -1,19 +1,13 @@
 //! The promises of the options about definiteness, and the verdicts of the factorizations.
 
-use super::TestCase;
-use super::check::{Check, Claim, Measured, Unfinished};
-use super::force_error::U;
-use super::limits::AFFORDABLE;
 use super::reference::{self, dense_step_matrix};
-use super::runs::{MethodVariant, differences, direct};
+use super::runs::differences;
+use super::{AFFORDABLE, Check, Claim, Measured, MethodVariant, TestCase, U, Unfinished, direct};
 use crate::assembly::SymmetricMatrix;
 use crate::integrate::StepMatrices;
 use crate::linear::{Cholesky, Ldlt};
 use crate::spring::Stiffness;
 use faer::Par;
-
-/// Degrees of freedom up to which all eigenvalues are computed.
-const DENSE: usize = 200;
 
 /// The steps, as multiples of the scene's.
 const FACTORS: [f64; 8] = [0.25, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0];
@@ -22,8 +16,9 @@ pub(super) fn is_affordable(case: &TestCase) -> bool {
     (1..=AFFORDABLE).contains(&case.system.dofs().len())
 }
 
+/// Whether all eigenvalues are affordable.
 pub(super) fn is_small(case: &TestCase) -> bool {
-    (1..=DENSE).contains(&case.system.dofs().len())
+    (1..=200).contains(&case.system.dofs().len())
 }
 
 fn check(name: impl Into<String>, case: &TestCase, value: f64, why: &str) -> Check {
@@ -76,8 +71,7 @@ pub(super) fn always(case: &TestCase) -> Measured {
     Ok(checks)
 }
 
-/// Cholesky's verdict and the signs of D against the signs of all eigenvalues, at steps across the critical one; and the
-/// number of negative ones never falls as the step grows.
+/// Cholesky's verdict and the signs of D against all eigenvalues at steps across the critical one; negative ones never get fewer as it grows.
 pub(super) fn inertia(case: &TestCase) -> Measured {
     let mut checks = Vec::new();
     for twin in [case.clone(), case.squeezed()?] {
@@ -149,13 +143,13 @@ fn rounding(case: &TestCase, dt: f64) -> f64 {
 }
 
 /// Both factorizations on a scene's pattern.
-pub(super) struct Factored {
-    pub cholesky: Cholesky,
+struct Factored {
+    cholesky: Cholesky,
     ldlt: Ldlt,
 }
 
 impl Factored {
-    pub fn new(case: &TestCase) -> Result<Self, Unfinished> {
+    fn new(case: &TestCase) -> Result<Self, Unfinished> {
         let a = StepMatrices::assemble(&case.system, &case.state, Stiffness::Tension, case.dt)?.a;
         let pattern = a.pattern();
         Ok(Self { cholesky: Cholesky::analyse(pattern, Par::Seq)?, ldlt: Ldlt::analyse(pattern, Par::Seq)? })

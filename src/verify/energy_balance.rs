@@ -1,8 +1,7 @@
 //! The monitor's energy balance agrees with forces and velocities.
 //!
-//! The states of an accurate motion, of many short steps, are entered into the balance by every eighth one, as if one step had led
-//! from one to the next. Its work of moving constraints and its dissipation are compared with Simpson's rule on the powers at all
-//! states,
+//! The states of an accurate motion, of many short steps, are entered into the balance by every eighth one, as if one step had led from one to the
+//! next. Its work of moving constraints and its dissipation are compared with Simpson's rule on the powers at all states,
 //!
 //! ```text
 //! Σ b (n·Δv)²      and      −Σ (f_c + m g)·v_c  over the coordinates c that move,
@@ -13,14 +12,10 @@
 //! short steps are wrong by `7·10⁻⁸ z⁹ = 4·10⁻²⁴` of an amplitude: by rounding, and not by the remainder of an iteration, which at
 //! rest adds up from step to step. A wrong coefficient of a correction shows as z²/12 = 10⁻³ of a power. The imbalance is as small.
 
-use super::TestCase;
-use super::check::{Check, Claim, Measured, ratio, worst};
-use super::convergence;
-use super::force_error::U;
-use super::limits::AFFORDABLE;
-use super::reference::{self, Link};
-use super::runs::{MethodVariant, direct};
-use crate::integrate::{Method, Monitor, MonitorOptions, StiffnessPolicy};
+use super::{
+    AFFORDABLE, Check, Claim, Link, Measured, MethodVariant, TestCase, U, convergence, direct, ratio, reference, worst,
+};
+use crate::integrate::{Monitor, MonitorOptions};
 use crate::system::{Dof, State, System};
 
 /// Steps of the balance, and steps of the motion in each; even, for Simpson's rule.
@@ -30,9 +25,6 @@ const PARTS: usize = 8;
 /// The largest error of an integral relative to the integral of the power's magnitude.
 const BOUND: f64 = 2e-4;
 
-/// The rounding of energies relative to them.
-const ROUNDING: f64 = 100.0 * U;
-
 pub(super) fn applies(case: &TestCase) -> bool {
     (1..=AFFORDABLE).contains(&case.system.dofs().len()) && !case.system.pairs().is_empty()
 }
@@ -40,8 +32,7 @@ pub(super) fn applies(case: &TestCase) -> bool {
 pub(super) fn measure(case: &TestCase) -> Measured {
     let TestCase { system, state, name, .. } = case;
     let h = step(case);
-    let dop853 = MethodVariant { method: Method::Dop853, stiffness: StiffnessPolicy::OnDemand };
-    let states = dop853.run(case, direct(), h / PARTS as f64, STEPS * PARTS)?.unwrap_or_default();
+    let states = MethodVariant::dop853().run(case, direct(), h / PARTS as f64, STEPS * PARTS)?.unwrap_or_default();
     let mut monitor = Monitor::new(system, state, MonitorOptions::default())?;
     let mut exchanged = 0.0;
     for (number, state) in (1..).zip(states.iter().skip(PARTS).step_by(PARTS)) {
@@ -69,7 +60,7 @@ pub(super) fn measure(case: &TestCase) -> Measured {
     let (work, moved, dissipated) = (integral(&constraints), integral(&magnitude), integral(&damping));
     // Where next to nothing moves the rounding of energies remains.
     let energy = monitor.energy();
-    let rounding = ROUNDING * (energy.kinetic + energy.elastic + energy.gravitational.abs());
+    let rounding = 100.0 * U * (energy.kinetic + energy.elastic + energy.gravitational.abs());
     let why = "relative to the magnitudes of the powers: (2z)⁴/720 of the balance's formulas with z = 1/8 and a margin of forty for \
                powers that change faster than vibrations; a wrong correction shows as z²/12";
     let check = |name: &str, error: f64, whole: f64| {
@@ -145,8 +136,7 @@ mod tests {
     use super::*;
     use crate::verify::fixtures::{moved, path};
 
-    /// Nothing vibrates, so a quarter of a second would do; of a path with corners at 0.5 s and 1.1 s there is a tenth of a second
-    /// left at 1 s.
+    /// Nothing vibrates, so a quarter of a second would do; of a path with corners at 0.5 s and 1.1 s there is a tenth of a second left at 1 s.
     #[test]
     fn all_steps_end_before_the_next_corner_of_a_path() {
         let step_at = |time: f64| {

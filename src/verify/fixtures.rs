@@ -1,11 +1,9 @@
 //! Systems that the tests of several checks work with by hand.
 
-use super::{Entry, TestCase};
-use crate::integrate::StepMatrices;
-use crate::spring::{Spring, Stiffness};
+use super::TestCase;
+use crate::spring::Spring;
 use crate::system::{Axes, Constraint, Motion, State, SystemBuilder};
-use nalgebra::{DMatrix, Vector3};
-use nalgebra_sparse::CscMatrix;
+use nalgebra::Vector3;
 
 /// A test case of what was built.
 pub fn case(builder: SystemBuilder, dt: f64) -> TestCase {
@@ -71,50 +69,4 @@ pub fn chain(particles: usize, dt: f64) -> TestCase {
     }
     builder.hold(0);
     case(builder, dt)
-}
-
-/// A chain in a plane, its second link along x and its third along y. Seven coordinates: the third particle moves along x alone.
-pub fn bent() -> TestCase {
-    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
-    for [x, y] in [[0.0, 0.0], [3.0, 4.0], [5.0, 4.0], [5.0, 1.0]] {
-        builder.particle([x, y, 0.0], 1.0);
-    }
-    for (link, (stiffness, rest_length)) in [(2.0, 4.0), (3.0, 1.0), (1.0, 2.0)].into_iter().enumerate() {
-        builder.spring(link, link + 1, Spring { stiffness, rest_length, damping: 0.0 });
-    }
-    builder.constrain(Constraint { particles: vec![2], axes: Axes::of(&[1]), motion: Motion::Held });
-    case(builder, 1.0)
-}
-
-/// K of that chain with two faults: of the entries of the first link beside the diagonal only `nnᵀ k/l0` is there, and the coupling of
-/// the second link is a fifth too weak.
-pub fn wrong_stiffness(case: &TestCase) -> CscMatrix<f64> {
-    let k = StepMatrices::assemble(&case.system, &case.state, Stiffness::Full, case.dt).unwrap().k.to_csc();
-    let mut dense = DMatrix::from(&k);
-    for (r, n_r) in [0.6, 0.8].into_iter().enumerate() {
-        for (c, n_c) in [0.6, 0.8].into_iter().enumerate() {
-            dense[(r, 2 + c)] = 0.5 * n_r * n_c;
-            dense[(2 + r, c)] = 0.5 * n_r * n_c;
-        }
-    }
-    dense[(2, 4)] *= 0.8;
-    CscMatrix::from(&dense)
-}
-
-/// The places, springs and words with which a table names these faults. Of the second link one column alone is there, which says
-/// nothing of terms.
-pub fn assert_faults_are_found(table: &[Entry]) {
-    let mut found: Vec<_> = table
-        .iter()
-        .filter(|entry| entry.verdict != "agrees")
-        .map(|entry| (entry.row, entry.column.unwrap(), entry.spring.unwrap(), entry.verdict.as_str()))
-        .collect();
-    found.sort_unstable();
-    let mut expected = vec![(2, 4, 1, "20.0 % too small")];
-    for (r, c) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-        expected.push((r, 2 + c, 0, "the transverse term missing"));
-        expected.push((2 + r, c, 0, "the transverse term missing"));
-    }
-    expected.sort_unstable();
-    assert_eq!(found, expected);
 }

@@ -1,32 +1,27 @@
 //! Error bounds of central differences of the elastic force.
 //!
 //! A spring's force is `f = −(k/l0) d + k n(d)`, `n = d/‖d‖`: only n is curved; without a rest length it is `f = −k d`, and all that n contributes is
-//! absent. Along a displacement δ of d, with θ the
-//! angle between δ and n, its second and third derivatives have the norms
+//! absent. Along a displacement δ of d, with θ the angle between δ and n, its second and third derivatives have the norms
 //!
 //! ```text
 //! ‖n''‖  = (‖δ‖/l)² sin θ √(1 + 3 cos²θ)                               ≤ (2/√3) (‖δ‖/l)²
 //! ‖n'''‖ = (‖δ‖/l)³ sin θ √((9 cos²θ − 3)² + 36 cos²θ sin²θ)           ≤ 3 (‖δ‖/l)³
 //! ```
 //!
-//! (differentiate the angle `atan(s sin θ/(1 + s cos θ))` that n turns by). So the central difference over ±h differs
-//! from the derivative by at most `k h² ‖δ‖³/(2 (l − h‖δ‖)³)`, by Taylor's theorem with the remainder taken at the
-//! shortest length in between. If x ± h round to a pair whose middle is off by m, the difference is the derivative
-//! elsewhere, wrong by at most `(2/√3) k m ‖δ‖/l²`.
+//! (differentiate the angle `atan(s sin θ/(1 + s cos θ))` that n turns by). So the central difference over ±h differs from the derivative by at most
+//! `k h² ‖δ‖³/(2 (l − h‖δ‖)³)`, by Taylor's theorem with the remainder taken at the shortest length in between. If x ± h round to a pair whose middle
+//! is off by m, the difference is the derivative elsewhere, wrong by at most `(2/√3) k m ‖δ‖/l²`.
 //!
 //! Rounding: a computed d has a relative error of u, l one of 3.5 u, n one of 5.5 u; the strain is off by `3.5 u l/l0`
 //! and twice u of itself. With two more products the force is off by at most `13 u k max(1, l/l0)`, 15 u over lengths
 //! within l/8. Adding the forces of all springs at a particle adds u of their sum of magnitudes for every spring.
 
-use super::free_coordinates::random_vector;
-use super::reference::{Link, sizes};
+use super::reference::sizes;
+use super::{Link, U, random_vector};
 use crate::force::{DegenerateSpring, SpringGeometry};
 use crate::spring::{Extension, Spring};
 use crate::system::System;
 use nalgebra::Vector3;
-
-/// The unit of rounding, 2⁻⁵³.
-pub const U: f64 = f64::EPSILON / 2.0;
 
 /// `(2/√3)`, the largest `‖n''‖` at unit length and displacement.
 pub(super) const SECOND: f64 = 1.154_700_538_379_251_6;

@@ -15,6 +15,11 @@ pub fn reduce(system: &System, full: &[Vector3<f64>]) -> Vec<f64> {
     reduced
 }
 
+/// Free coordinates as full-length vectors, zero along all other axes.
+pub(super) fn expand(system: &System, reduced: &[f64]) -> Vec<Vector3<f64>> {
+    (0..system.particles()).map(|particle| system.dofs().get(reduced, particle)).collect()
+}
+
 /// f_el as a function of the free coordinates, in N; prescribed coordinates stay as in `state`.
 pub fn elastic_force<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64], &mut [f64]) + use<'s> {
     let mut positions = state.positions.clone();

@@ -12,20 +12,15 @@
 //! halvings end where remainders are 64 times that, and what Newton's method leaves, so that the order is off by at most log₂(1 + 1/32), and the smallest wrong
 //! part of g is most visible: one of some 10⁻⁶ costs an order.
 //!
-//! **Tangents and adjoints.** A step solves `J d = b` for the tangent d, and `Jᵀ λ = c` for the adjoint λ. With residuals r and s of the
-//! computed ones `c·d − λ·b = λ·r − s·d`: backward stable solves leave `30 u ‖J‖` of `‖λ‖ ‖d‖` each, which is at most the condition number
-//! times the product.
+//! **Tangents and adjoints.** A step solves `J d = b` for the tangent d, and `Jᵀ λ = c` for the adjoint λ. With residuals r and s of the computed
+//! ones `c·d − λ·b = λ·r − s·d`: backward stable solves leave `30 u ‖J‖` of `‖λ‖ ‖d‖` each, which is at most the condition number times the product.
 //!
-//! **Dual numbers.** The derivatives of a spring's force by k, l0, b, the positions and the velocities of its ends come from the force written a
-//! second time; the adjoint of the force must agree to rounding.
+//! **Dual numbers.** The derivatives of a spring's force by its parameters and its ends come from the force written a second time, to rounding.
 
-use super::TestCase;
-use super::check::{Check, Claim, Measured, Unfinished, ratio, worst};
-use super::convergence::{ErrorCurve, order_checks};
-use super::force_error::U;
-use super::free_coordinates::random_vector;
-use super::limits::AFFORDABLE;
-use super::reference::{self, Link};
+use super::{
+    AFFORDABLE, Check, Claim, ErrorCurve, Link, Measured, TestCase, U, Unfinished, order_checks, random_vector, ratio,
+    reference, worst,
+};
 use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
 use crate::gradient::{Cotangent, DifferentiableRun, Parameters, Point, of_free};
@@ -47,9 +42,6 @@ const COARSEST: f64 = 1.0 / 8.0;
 /// Multiples of rounding that count as resolved, and the halvings of a window.
 const RESOLVED: f64 = 64.0;
 const HALVINGS: i32 = 4;
-
-/// The part of the forces that Newton's method leaves.
-const NEWTON: f64 = 1e-13;
 
 /// A run, the direction along which its parameters change, and the cost.
 struct Subject<'c> {
@@ -157,7 +149,7 @@ impl<'c> Subject<'c> {
         };
         let force = reference::movers(system).map(force).sum::<f64>().sqrt();
         let positions = state.positions.iter().map(|x| x.norm_squared()).sum::<f64>().sqrt();
-        let left = NEWTON * force + U * reference::step_matrix_norm(case, state, self.dt) * positions;
+        let left = 1e-13 * force + U * reference::step_matrix_norm(case, state, self.dt) * positions;
         let moved = |cotangent: &Cotangent| -> f64 {
             let weight = |p: usize| {
                 let [x, v] = [&cotangent.positions, &cotangent.velocities].map(|c| c[p].lp_norm(1));
@@ -230,8 +222,8 @@ pub(super) fn remainders(case: &TestCase) -> Measured {
         match allowed(found)?.and_then(|found| found) {
             Ok([first, second]) => {
                 curves.push(first);
-                // A remainder that falls faster, because the second derivative vanishes, is no fault, nor one that changes its sign at larger h, where terms
-                // cancel. With a wrong gradient slopes fall towards 1.
+                // A remainder that falls faster, or changes its sign at larger h where terms cancel, is no fault. With a wrong gradient slopes fall
+                // towards 1.
                 match second.unclear() {
                     Some(reason) if second.observed() > 2.0 || second.approaches() => {
                         checks.push(not_judged(&second.method, reason))
@@ -362,19 +354,6 @@ fn random_vectors(system: &System, seed: u64) -> Vec<Vector3<f64>> {
 mod tests {
     use super::*;
     use crate::verify::fixtures::chain;
-
-    /// Four methods with two orders and a dot product each, and the force.
-    #[test]
-    fn gradients_of_a_chain_are_right() {
-        let case = chain(6, 0.02);
-        let checks: Vec<Check> = [adjoints, remainders].into_iter().flat_map(|family| family(&case).unwrap()).collect();
-        assert_eq!(checks.len(), 13);
-        for check in &checks {
-            assert!(check.is_judged && check.passed(), "{} {:e} {:e}", check.name, check.value, check.bound);
-        }
-        // Both formulas are rounded, in another way.
-        assert!(checks[0].value > 1e-3, "{:e}", checks[0].value);
-    }
 
     /// One part in a thousand costs the order.
     #[test]

@@ -5,12 +5,11 @@
 //! order h⁴ (Richardson 1911). As h shrinks R settles, until rounding shakes it; the derivative is where three neighbours agree
 //! best, and their spread is the estimate of its error (after Ridders 1982).
 
-use super::check::{Check, Claim, worst};
-use super::coloring::{ColumnGroups, evaluate_moved};
+use super::coloring::evaluate_moved;
 use super::comparison::{
-    CANNOT_BE_MEASURED, Entry, WorstEntries, check_square, entry_of, explain_by_spring, for_each_entry, particle_block,
+    CANNOT_BE_MEASURED, check_square, entry_of, explain_by_spring, for_each_entry, particle_block,
 };
-use super::force_error::{ForceError, U};
+use super::{Check, Claim, ColumnGroups, Entry, ForceError, U, WorstEntries, worst};
 use crate::error::{Invalid, Result};
 use crate::system::{State, System};
 use nalgebra_sparse::{CooMatrix, CscMatrix};
@@ -31,8 +30,7 @@ pub struct JacobianOptions<'a> {
     pub tolerance: f64,
     /// Columns to measure together; `None` measures one by one and trusts no pattern.
     pub groups: Option<ColumnGroups>,
-    /// The springs behind the force, if the point is their free coordinates: lets verdicts speak of springs and their
-    /// terms.
+    /// The springs behind the force, if the point is their free coordinates: lets verdicts speak of springs and their terms.
     pub springs: Option<(&'a System, &'a State)>,
 }
 
@@ -108,10 +106,9 @@ impl fmt::Display for JacobianReport {
 
 /// Compares a matrix with the derivative of a force at a point.
 ///
-/// `force(x, f)` writes the force at x into f; both have the length n of `point`. `matrix` is n × n:
-/// `∂f_row/∂x_column`, as a [`CscMatrix`], or a reference to a dense nalgebra matrix, a [`CooMatrix`] or a
-/// [`SymmetricMatrix`](crate::assembly::SymmetricMatrix). It need not be symmetric. The force is evaluated 28 times for
-/// each group of columns.
+/// `force(x, f)` writes the force at x into f; both have the length n of `point`. `matrix` is n × n: `∂f_row/∂x_column`, as a [`CscMatrix`], or a
+/// reference to a dense nalgebra matrix, a [`CooMatrix`] or a [`SymmetricMatrix`](crate::assembly::SymmetricMatrix). It need not be symmetric. The
+/// force is evaluated 28 times for each group of columns.
 ///
 /// Detects missing, extra, doubled, transposed, mis-signed and mis-scaled entries down to a relative error of `tolerance`.
 /// An error that force and matrix share is not detected; nor are, with groups taken from the matrix itself, some missing entries.
@@ -220,8 +217,7 @@ fn representable(h: f64, x: f64) -> f64 {
     (coarse + h) - coarse
 }
 
-/// The derivative from central differences at [`steps`], each with its rounding error; steps at which the function is not finite
-/// are passed over. NaN if none is left.
+/// The derivative from central differences at [`steps`] and their rounding, without those at which the function is not finite; NaN if none is left.
 fn extrapolate(differences: &[f64; LEVELS], rounding: &[f64; LEVELS]) -> Estimate {
     let refined: [f64; LEVELS - 1] = std::array::from_fn(|level| {
         let (coarse, fine) = (differences[level], differences[level + 1]);
@@ -295,8 +291,7 @@ impl Comparison {
     }
 }
 
-/// Lists the comparisons of a group: expected entries, those that only the matrix has, and in rows that no column of the
-/// group accounts for the change that should not be there.
+/// Lists the comparisons of a group: expected entries, those that only the matrix has, and changes in rows that no column accounts for.
 fn compare_group(
     changes: &[Change],
     group: &[usize],

@@ -4,25 +4,26 @@
 //! lost in the rounding of far coordinates has no derivative that could be measured, and beside one that is 10¹² times stiffer a
 //! spring has no digits in any sum. These limits are read from the scene's own numbers, never from the result of a check.
 
-use super::reference::{self, Link};
-use super::{TestCase, U};
+use super::{Link, TestCase, reference};
 use crate::force::Energy;
 use crate::system::{Motion, State};
 use nalgebra::Vector3;
 
-/// Degrees of freedom up to which a scene is run many times.
-pub(super) const AFFORDABLE: usize = 2000;
+/// The unit of rounding, 2⁻⁵³.
+pub const U: f64 = f64::EPSILON / 2.0;
 
-/// The largest rounding of a spring's coordinates relative to its length: two digits above the square root of u, the accuracy of
-/// differences of forces.
+/// Units of rounding that a backward stable solve, or a sum of some ten rounded terms a spring, may leave.
+pub(super) const UNITS: f64 = 30.0;
+
+/// Degrees of freedom up to which a scene is run many times, and those up to which every method and several directions are tried.
+pub(super) const AFFORDABLE: usize = 2000;
+pub(super) const LARGE: usize = 10_000;
+
+/// The largest rounding of a spring's coordinates over its length: two digits above √u, the accuracy of differences of forces.
 const COORDINATES: f64 = 1e-9;
 
-/// The largest ratio of two lengths, at rest or not, and of two stiffnesses: the smaller one must have digits in a sum.
-const LENGTHS: f64 = 1e7;
-const STIFFNESSES: f64 = 1e10;
-
-/// The largest ratio of the masses of particles that move.
-const MASSES: f64 = 1e10;
+/// The largest ratio of two stiffnesses, dampings or masses: the smaller one must have digits in a sum.
+const RATIO: f64 = 1e10;
 
 /// The largest row of A over its smallest eigenvalue m/dt², a bound of the condition number: a solution has two digits.
 const CONDITION: f64 = 1e13;
@@ -32,9 +33,6 @@ const ENERGIES: f64 = 1e-9;
 
 /// Extents of the scene that a particle may go in a step: farther on its old position is lost in rounding.
 const PATH_LENGTH: f64 = 1e4;
-
-/// The longest step over the resolving one: its square times u is a tenth of a percent.
-const STEP: f64 = 1e5;
 
 /// The reason why differences of forces and sums over springs say nothing, if there is one.
 pub(super) fn of_springs(case: &TestCase) -> Option<String> {
@@ -62,16 +60,16 @@ pub(super) fn of_springs(case: &TestCase) -> Option<String> {
     let lengths = || links.iter().flat_map(|link| [Some(link.length), rest_length(link)]).flatten();
     let stiffnesses = || links.iter().map(Link::magnitude);
     let dampings = || links.iter().map(|link| link.damping).filter(|&damping| damping > 0.0);
-    too_far_apart("lengths of springs", "m", lengths, LENGTHS)
-        .or_else(|| too_far_apart("stiffnesses k/l0 + k/l", "N/m", stiffnesses, STIFFNESSES))
-        .or_else(|| too_far_apart("dampings of springs", "N·s/m", dampings, STIFFNESSES))
+    too_far_apart("lengths of springs", "m", lengths, 1e7)
+        .or_else(|| too_far_apart("stiffnesses k/l0 + k/l", "N/m", stiffnesses, RATIO))
+        .or_else(|| too_far_apart("dampings of springs", "N·s/m", dampings, RATIO))
 }
 
 /// The reason why steps say nothing, if there is one.
 pub(super) fn of_steps(case: &TestCase) -> Option<String> {
     let TestCase { system, state, dt, .. } = case;
     let masses = || reference::movers(system).map(|p| system.masses()[p]);
-    let found = of_springs(case).or_else(|| too_far_apart("masses of particles that move", "kg", masses, MASSES));
+    let found = of_springs(case).or_else(|| too_far_apart("masses of particles that move", "kg", masses, RATIO));
     if found.is_some() || system.dofs().is_empty() {
         return found;
     }
@@ -93,14 +91,12 @@ pub(super) fn of_steps(case: &TestCase) -> Option<String> {
     let path = (fastest + system.gravity().norm() * dt) * dt / case.extent();
     (path.is_nan() || path > PATH_LENGTH).then(|| {
         format!(
-            "a particle goes {path:.1e} times the extent of the scene in a step, more than {PATH_LENGTH:.0e}: its old position is lost in \
-             rounding"
+            "a particle goes {path:.1e} times the extent of the scene in a step, more than {PATH_LENGTH:.0e}: its old position is lost in rounding"
         )
     })
 }
 
-/// The reason why a run's estimates of its own error cannot be judged, if there is one: they look for energy that comes or goes, so the
-/// rounding of all energy, that of held particles included, must be small against the exchanged energy.
+/// The reason why a run's estimates of its own error cannot be judged, if there is one: the rounding of all energy hides the exchanged energy.
 pub(super) fn of_estimates(case: &TestCase) -> Option<String> {
     if let Some(reason) = of_steps(case) {
         return Some(reason);
@@ -113,8 +109,7 @@ pub(super) fn of_estimates(case: &TestCase) -> Option<String> {
     let exchanged = energy.kinetic + energy.elastic + falls;
     (U * heights > ENERGIES * exchanged).then(|| {
         format!(
-            "the energy of weights is {heights:.1e} J, whose rounding is more than {ENERGIES:.0e} of the {exchanged:.1e} J that the motion \
-             exchanges"
+            "the energy of weights is {heights:.1e} J, whose rounding is more than {ENERGIES:.0e} of the {exchanged:.1e} J that the motion exchanges"
         )
     })
 }
@@ -152,17 +147,18 @@ impl TestCase {
         (0..system.particles()).map(acceleration).collect()
     }
 
-    /// The reason why rounding cannot be followed through a step of dt seconds, if there is one: the fastest vibration or decay is so
-    /// fast that the balancing forces are a billion times as large as those that move anything.
+    /// The reason why rounding cannot be followed through a step of dt seconds, if there is one: the fastest vibration or decay is far too fast for
+    /// it.
     pub(super) fn beyond_rounding(&self, dt: f64) -> Option<String> {
         let factor = dt / self.resolving_step();
-        (factor > STEP).then(|| {
+        // The square of that, times u, is a tenth of a percent.
+        (factor > 1e5).then(|| {
             format!("a step is {factor:.0e} times as long as one that resolves the fastest vibration or decay")
         })
     }
 
-    /// The reason why runs of a duration say little of a method, if there is one: by the velocities and accelerations at the start the ends
-    /// of a spring move by more than a quarter of its length, so that it turns about. Its force is then no smooth function of time.
+    /// The reason why runs of a duration say little of a method, if there is one: a spring turns about, so that its force is no smooth function of
+    /// time.
     pub(super) fn passing(&self, duration: f64) -> Option<String> {
         let Self { system, state, .. } = self;
         let accelerations = self.accelerations();

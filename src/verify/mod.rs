@@ -38,22 +38,31 @@ mod suite;
 mod test_case;
 mod v_curve;
 
+// What most families use.
+use check::{Measured, Unfinished};
+use comparison::{WorstEntries, ratio};
+use force_error::{ForceError, SECOND};
+use free_coordinates::{VECTORS, expand, random_vector};
+use limits::{AFFORDABLE, LARGE, UNITS};
+use reference::Link;
+use runs::{MethodVariant, direct};
+
 pub use check::{Check, Claim, Results};
 pub use coloring::ColumnGroups;
 pub use comparison::{Entry, worst};
 pub use consistency::{damping_dissipates, damping_entries, energy_slope};
 pub use convergence::{ErrorCurve, order_checks};
-pub use dual::{damping_turns, force_against_energy};
-pub use force_error::U;
+pub use dual::force_against_energy;
 pub use free_coordinates::{damping_force, elastic_energy, elastic_force, reduce};
 pub use jacobian::{JacobianOptions, JacobianReport, check_jacobian};
+pub use limits::U;
 pub use products::{products_agree, refill_is_fresh};
 #[cfg(feature = "scene")]
 pub use scenes::built_in;
 pub use scenes::hard_states;
 pub use solution::{
-    Condition, Promise, Solved, backward_errors, condition_is_right, indefinite_backward_error, solutions_agree,
-    tolerance_is_met,
+    Promise, Solved, backward_errors, condition_estimate, condition_is_right, indefinite_backward_error,
+    solutions_agree, tolerance_is_met,
 };
 pub use stiffness::{spring_blocks, stiffness_against_duals, stiffness_entries};
 pub use suite::{FAMILIES, Family, verify};

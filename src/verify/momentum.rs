@@ -1,29 +1,22 @@
 //! Momentum, rest and drift: springs pull equally at both ends, along the line between them, and not at all at their rest lengths.
 //!
-//! Along an axis in which no particle of a connected part is prescribed, every method gives the part
-//! `p' = p + dt Σ m g` exactly: the rows of `A δx = b` that belong to the axis add up to it, because the columns of K and G
-//! add up to zero. About any point, symplectic Euler and linear backward Euler under `axial` give a free part
-//! `L' = L + dt Σ m x × g`: their forces on the two ends of a spring, at x, lie on the line between them, and
-//! `x' × v' = x × v'`. Verlet does it in two halves, with the forces at x and at x', and implicit midpoint with those in the
-//! middle: the weight then acts at the mean of x and x'. The transverse terms of the other options turn the parts about.
+//! Along an axis in which no particle of a connected part is prescribed, every method gives the part `p' = p + dt Σ m g` exactly: the rows of `A δx =
+//! b` that belong to the axis add up to it, because the columns of K and G add up to zero. About any point, symplectic Euler and linear backward
+//! Euler under `axial` give a free part `L' = L + dt Σ m x × g`: their forces on the two ends of a spring, at x, lie on the line between them, and
+//! `x' × v' = x × v'`. Verlet does it in two halves, with the forces at x and at x', and implicit midpoint with those in the middle: the weight then
+//! acts at the mean of x and x'. The transverse terms of the other options turn the parts about.
 //!
 //! With rest lengths equal to the lengths no spring pulls: b is zero, and so is δx, whatever the option, the step and
 //! the method. Given one velocity to all particles and no constraints, all move by `dt v` a step.
 
-use super::TestCase;
-use super::check::{Check, Claim, Measured, ratio, worst};
-use super::force_error::U;
-use super::reference::{self, Link};
-use super::runs::{MethodVariant, each_run, worst_step};
+use super::runs::{each_run, worst_step};
+use super::{Check, Claim, Link, Measured, MethodVariant, TestCase, U, ratio, reference, worst};
 use crate::integrate::Method;
 use crate::rigid::first_connected;
 use crate::spring::Stiffness;
 use crate::system::{Axes, State};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
-
-/// Steps that momentum is followed over.
-const STEPS: usize = 5;
 
 /// Particles that springs connect, and the axes along which none of them is prescribed.
 struct Part {
@@ -103,7 +96,7 @@ fn follow(
     variants: impl Iterator<Item = MethodVariant>,
     error: impl Fn(Method, f64, &State, &State) -> f64,
 ) -> Measured {
-    each_run(case, variants, STEPS, |variant, dt, states| {
+    each_run(case, variants, 5, |variant, dt, states| {
         let value = worst_step(states, |before, after| {
             ratio(error(variant.method, dt, before, after), rounding(case, dt, before, after))
         });
@@ -113,7 +106,7 @@ fn follow(
                    at most 30 of them; Newton's method stops at a residual of 1e-10";
         let name = format!("{name}, {}", variant.name());
         // Where springs turn about, iterations and directions go through states far from those that the rounding is counted at.
-        let passing = || case.passing(STEPS as f64 * dt);
+        let passing = || case.passing((states.len() - 1) as f64 * dt);
         [Check::new(Claim::Conservation, name, &case.name, value, bound, why).unless(passing)]
     })
 }

@@ -3,22 +3,17 @@
 //! Exact up to rounding: `x(0) + offset(t)` is one sum, and a place on a path three more operations. The motions are
 //! computed here a second time, from the scene's numbers.
 
-use super::TestCase;
-use super::check::{Check, Claim, Measured, ratio, worst};
-use super::force_error::U;
 use super::limits::corners;
-use super::runs::{MethodVariant, each_run, worst_step};
+use super::runs::{each_run, worst_step};
+use super::{Check, Claim, Measured, MethodVariant, TestCase, U, ratio, worst};
 use crate::integrate::{Method, PositionUpdate};
 use crate::system::{Dof, Motion, SAME_TIME, State};
 
-/// Units of rounding that the place on a path may differ by.
-const UNITS: f64 = 8.0;
-
 pub(super) fn measure(case: &TestCase) -> Measured {
-    let check = |name: String, value, why: &str| Check::new(Claim::Constraints, name, &case.name, value, UNITS, why);
+    // Eight units of rounding for the place on a path.
+    let check = |name: String, value, why: &str| Check::new(Claim::Constraints, name, &case.name, value, 8.0, why);
     let position_why = "in units of rounding of the coordinate: a sum, and the interpolation on a path";
-    let velocity_why = "in units of rounding: the backward Euler methods give the displacement over dt, all others the \
-                        motion's velocity";
+    let velocity_why = "in units of rounding: the backward Euler methods give the displacement over dt, all others the motion's velocity";
     let places = many_times(case).into_iter().map(|time| {
         let mut state = State { time, ..case.state.clone() };
         state.prescribe(&case.system);

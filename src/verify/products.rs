@@ -12,12 +12,9 @@
 //! `L_c` the graph Laplacian with weight c a spring. So K sees a rotation of a body under tension, and `axial` does not.
 //! Prescribed coordinates take part: they contribute through the coupling to the right-hand side.
 
-use super::TestCase;
-use super::check::{Check, Claim, Measured};
-use super::comparison::{Entry, WorstEntries};
-use super::force_error::U;
-use super::free_coordinates::{VECTORS, random_vector, reduce};
-use super::reference::{self, Link};
+use super::{
+    Check, Claim, Entry, Link, Measured, TestCase, U, UNITS, VECTORS, WorstEntries, random_vector, reduce, reference,
+};
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix, assemble_afresh};
 use crate::error::{Result, check_length};
 use crate::force::SpringGeometry;
@@ -26,9 +23,6 @@ use crate::spring::Stiffness;
 use crate::system::Axes;
 use nalgebra::Vector3;
 use std::sync::Arc;
-
-/// Units of rounding that a product may differ by: about ten rounded terms a spring, and as many in its block and its sums.
-const UNITS: f64 = 30.0;
 
 /// Products and refill of A, for every option.
 ///
@@ -112,9 +106,8 @@ fn terms(operator: &SystemOperator, w: &[f64]) -> Vec<f64> {
 
 /// Compares a refilled matrix with one assembled from nothing, to the bit.
 ///
-/// `refilled` is under test; `operator` is what it was refilled from. Value: the number of entries that differ in a
-/// bit, are stored in one only, or are not numbers. Sees values left over from the refill before; is blind to a wrong
-/// block.
+/// `refilled` is under test; `operator` is what it was refilled from. Value: the number of entries that differ in a bit, are stored in one only, or
+/// are not numbers. Sees values left over from the refill before; is blind to a wrong block.
 ///
 /// # Errors
 /// Matrices of different orders.
@@ -261,32 +254,7 @@ impl<'s> Products<'s> {
 mod tests {
     use super::*;
     use crate::system::SystemBuilder;
-    use crate::verify::fixtures::{case, line};
-
-    /// Entries of the lower triangle that are wrong in a matrix of this scene in place of the line's, as (column, row).
-    fn wrong(scene: &SystemBuilder) -> (f64, Vec<(Option<usize>, usize)>) {
-        let cases = [scene, &line()].map(|scene| case(scene.clone(), 0.5));
-        let [given, right] = cases.each_ref().map(|case| Products::new(case, Stiffness::Full, Combination::step(0.5)));
-        let check = refill_is_fresh(&right.unwrap().operator, given.unwrap().matrix.matrix(), "line").unwrap();
-        let mut places: Vec<_> = check.table.iter().map(|entry| (entry.column, entry.row)).collect();
-        places.sort_unstable();
-        (check.value, places)
-    }
-
-    #[test]
-    fn values_and_places_are_compared() {
-        assert_eq!(wrong(&line()), (0.0, vec![]));
-        // Of a spring that is not there the coupling and both diagonal entries are missing.
-        let mut parted = line();
-        parted.pairs.pop();
-        parted.springs.pop();
-        let expected = vec![(Some(1), 1), (Some(1), 2), (Some(2), 2)];
-        assert_eq!(wrong(&parted), (3.0, expected.clone()));
-        // One of another stiffness changes the same.
-        let mut softer = line();
-        softer.springs[1].stiffness = 11.0;
-        assert_eq!(wrong(&softer), (3.0, expected));
-    }
+    use crate::verify::fixtures::case;
 
     /// Two particles at (1, 2) and (3, 4), joined; z is not modelled in a plane.
     fn pair(dimension: usize) -> TestCase {
@@ -294,21 +262,6 @@ mod tests {
         let ends = [builder.particle([1.0, 2.0, 0.0], 1.0), builder.particle([3.0, 4.0, 0.0], 2.0)];
         builder.spring(ends[0], ends[1], crate::Spring { stiffness: 8.0, rest_length: 2.0, damping: 0.5 });
         case(builder, 0.1)
-    }
-
-    /// The arms are ∓(1, 1, 0): a turn about z by 0.9, and in space about (0.4, −0.9, 0.7).
-    #[test]
-    fn fields_turn_and_grow_about_the_centre() {
-        for (dimension, turned) in [(2, Vector3::new(-0.9, 0.9, 0.0)), (3, Vector3::new(-0.7, 0.7, 1.3))] {
-            let fields = rigid_fields(&pair(dimension), Stiffness::Full);
-            assert_eq!(
-                fields.iter().map(|field| field.name).collect::<Vec<_>>(),
-                ["translation", "dilation", "rotation"]
-            );
-            assert_eq!(fields[1].field, [Vector3::new(-1.0, -1.0, 0.0), Vector3::new(1.0, 1.0, 0.0)]);
-            assert!((fields[2].field[1] - turned).amax() < 1e-15 && (fields[2].field[0] + turned).amax() < 1e-15);
-            assert!(rigid_motion(&pair(dimension)).unwrap().iter().all(Check::passed));
-        }
     }
 
     #[test]

@@ -1,22 +1,18 @@
 //! Systems that cannot be solved are reported, with the reason and the place, and never answered silently.
 //!
-//! On the squeezed twin of the scene, in which every spring wants to buckle, at a step at which A has negative eigenvalues:
-//! Cholesky refuses, LDLᵀ counts them and its solution satisfies the equations or is refused, conjugate gradients with a
-//! right-hand side that has all modes report a direction whose curvature really is negative. Conjugate gradients also
-//! report a limit that is too low, a tolerance that rounding cannot meet and numbers that are not finite; a spring
-//! whose ends coincide is named.
+//! On the squeezed twin of the scene, in which every spring wants to buckle, at a step at which A has negative eigenvalues: Cholesky refuses, LDLᵀ
+//! counts them and its solution satisfies the equations or is refused, conjugate gradients with a right-hand side that has all modes report a
+//! direction whose curvature really is negative. Conjugate gradients also report a limit that is too low, a tolerance that rounding cannot meet and
+//! numbers that are not finite; a spring whose ends coincide is named.
 
-use super::TestCase;
-use super::check::{Check, Claim, Measured, Unfinished, ratio};
-use super::definiteness::{Factored, is_small};
-use super::force_error::U;
-use super::free_coordinates::reduce;
+use super::definiteness::is_small;
 use super::reference::{self, dense_step_matrix, field};
+use super::{Check, Claim, Measured, TestCase, U, Unfinished, ratio, reduce};
 use crate::force::{DegenerateSpring, SpringGeometry};
 use crate::integrate::{ImplicitOptions, LinearBackwardEuler, Status, StepFailure, StepMatrices, TimeStepper};
 use crate::linear::{
-    CgOutcome, ConjugateGradient, Definiteness, LdltSolver, Preconditioner, PreconditionerKind, Prepare, SolveFailure,
-    SolverChoice, SolverOptions, backward_error, norm,
+    CgOutcome, Cholesky, ConjugateGradient, Definiteness, LdltSolver, Preconditioner, PreconditionerKind, Prepare,
+    SolveFailure, SolverChoice, SolverOptions, backward_error, norm,
 };
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::Stiffness;
@@ -25,16 +21,12 @@ use crate::work::Work;
 use faer::Par;
 use nalgebra::DVector;
 
-/// About so many springs of a scene are collapsed in turn.
-const COLLAPSED: usize = 64;
-
 /// A check that passes if something was reported.
 fn reported(case: &TestCase, name: impl Into<String>, is_reported: bool, why: &str) -> Check {
     Check::new(Claim::Failure, name, &case.name, if is_reported { 0.0 } else { 1.0 }, 0.0, why)
 }
 
-/// The shortest step, doubling from the scene's, at which A of the squeezed twin is indefinite beyond rounding, and the number
-/// of negative eigenvalues.
+/// The shortest step, doubling from the scene's, at which A of the squeezed twin is clearly indefinite, and the number of negative eigenvalues.
 fn indefinite_step(twin: &TestCase) -> Option<(f64, usize)> {
     (0..24).map(|doubling| twin.dt * f64::from(1 << doubling)).find_map(|dt| {
         let eigenvalues = dense_step_matrix(twin, Stiffness::Full, dt).symmetric_eigenvalues();
@@ -63,7 +55,7 @@ pub(super) fn indefinite(case: &TestCase) -> Measured {
     let b = reduce(system, &field(system));
 
     let matrix = StepMatrices::assemble(system, &twin.state, Stiffness::Full, dt)?.a;
-    let refused = Factored::new(&twin)?.cholesky.factor(&matrix).is_err();
+    let refused = Cholesky::analyse(matrix.pattern(), Par::Seq)?.factor(&matrix).is_err();
     let why = "a Cholesky factorization exists if and only if A is positive definite";
     let mut checks = vec![reported(&twin, "Cholesky refuses an indefinite matrix", refused, why)];
 
@@ -170,11 +162,11 @@ pub(super) fn broken_states(case: &TestCase) -> Measured {
     let mut stepper = stepper(case, SolverChoice::Cg)?;
     // Without a rest length a spring needs no direction.
     let directed = || system.active().filter(|(.., spring)| spring.rest_length > 0.0);
-    let stride = directed().count().div_ceil(COLLAPSED).max(1);
+    // About so many are collapsed in turn.
+    let stride = directed().count().div_ceil(64).max(1);
     let mut collapsed = directed().step_by(stride);
     let all_named = collapsed.all(|(spring, pair, _)| is_named(case, &mut stepper, spring, pair));
-    let why = "a spring of length zero has no direction: the step must name it, or one that shares both places, and leave the \
-               state as it was";
+    let why = "a spring of length zero has no direction: the step must name it, or one that shares both places, and leave the state as it was";
     checks.push(reported(case, "degenerate springs are named", all_named, why));
     Ok(checks)
 }
@@ -234,32 +226,6 @@ mod tests {
             builder.hold(anchor);
         }
         assert_eq!(indefinite_step(&case(builder, 0.1)), Some((0.2, 4)));
-    }
-
-    /// `b − 2x = (1, 2)` for b = (3, 4).
-    #[test]
-    fn the_residual_is_relative_to_the_right_hand_side() {
-        struct Twice;
-        impl LinearOperator for Twice {
-            fn order(&self) -> usize {
-                2
-            }
-            fn apply(&self, w: &[f64], y: &mut [f64]) {
-                y.iter_mut().zip(w).for_each(|(y, w)| *y = 2.0 * w);
-            }
-        }
-        assert_eq!(true_residual(&Twice, &[3.0, 4.0], &[1.0, 1.0]), 5f64.sqrt() / 5.0);
-        let silent = |is_reported| reported(&pushed(0.1), "n", is_reported, "w").passed();
-        assert!(silent(true) && !silent(false));
-    }
-
-    /// Whatever the solver, a state that is not finite fails as such, and a collapsed spring is named.
-    #[test]
-    fn broken_states_of_a_pendulum_are_reported() {
-        let checks = broken_states(&pushed(0.01)).unwrap();
-        assert_eq!(checks.len(), 4 * 2 + 1);
-        assert!(checks.iter().all(Check::passed));
-        assert!(conjugate_gradients(&pushed(0.01)).unwrap().iter().all(Check::passed));
     }
 
     /// Every solver has its turn, on a particle that can move.

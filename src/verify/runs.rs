@@ -1,20 +1,14 @@
-//! Runs of a scene by each of the methods, and runs that must be the same to the bit: the same run twice, with one thread and with two,
-//! in a plane and in space.
+//! Runs of a scene by each of the methods, and runs that must be the same to the bit: twice, with one thread and with two, in a plane and in space.
 //!
-//! A planar scene has the same degrees of freedom as its twin in space with the third axis held, hence the same matrices,
-//! the same operations and the same rounding.
+//! A planar scene has the same degrees of freedom as its twin in space with the third axis held, hence the same operations and the same rounding.
 
-use super::TestCase;
-use super::check::{Check, Claim, Measured, Unfinished, worst};
+use super::{Check, Claim, LARGE, Measured, TestCase, Unfinished, worst};
 use crate::error::Error;
 use crate::integrate::{Equations, ImplicitOptions, Method, Status, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions};
 use crate::spring::Stiffness;
 use crate::system::State;
 use faer::Par;
-
-/// Degrees of freedom up to which every method is run.
-const AFFORDABLE: usize = 10_000;
 
 /// A method with the stiffness in its matrix.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,10 +28,14 @@ impl MethodVariant {
         Self { method: Method::LinearBackwardEuler, stiffness: StiffnessPolicy::OnDemand }
     }
 
-    /// Every method; those that solve one linear system after the other under every option, as the option is in the
-    /// result. On large scenes one implicit variant and one explicit one.
+    /// The accurate motion that others are compared with: explicit and of eighth order.
+    pub fn dop853() -> Self {
+        Self { method: Method::Dop853, stiffness: StiffnessPolicy::OnDemand }
+    }
+
+    /// Every method, under every option where the result depends on it. On large scenes one implicit variant and one explicit one.
     pub fn of(case: &TestCase) -> impl Iterator<Item = Self> {
-        let affordable = case.system.dofs().len() <= AFFORDABLE;
+        let affordable = case.system.dofs().len() <= LARGE;
         let all = Method::ALL.into_iter().flat_map(|method| {
             let options = if has_option(method) { &Stiffness::ALL[..] } else { &[] };
             let always = options.iter().map(move |&option| Self { method, stiffness: StiffnessPolicy::Always(option) });
@@ -126,7 +124,7 @@ pub(super) fn worst_step(states: &[State], error: impl Fn(&State, &State) -> f64
 
 /// The count of numbers that differ in a bit; infinite where only one of the runs was refused.
 pub(super) fn differences(a: &Option<Vec<State>>, b: &Option<Vec<State>>) -> f64 {
-    let (Some(a), Some(b)) = (a, b) else { return if a.is_none() && b.is_none() { 0.0 } else { f64::INFINITY } };
+    let (Some(a), Some(b)) = (a, b) else { return if a == b { 0.0 } else { f64::INFINITY } };
     let numbers = |states: &[State]| -> Vec<u64> {
         let vectors = states.iter().flat_map(|state| state.positions.iter().chain(&state.velocities));
         // Plus zero makes one of both zeros: they are the same number.
@@ -137,14 +135,12 @@ pub(super) fn differences(a: &Option<Vec<State>>, b: &Option<Vec<State>>) -> f64
     if a.len() == b.len() { differing as f64 } else { f64::INFINITY }
 }
 
-const STEPS: usize = 10;
-
 /// A planar or one-dimensional scene against its twin in space.
 pub(super) fn in_space(case: &TestCase) -> Measured {
     let twin = case.in_space()?;
     let why = "the degrees of freedom are the same, so every operation is: not one bit may differ";
     let check = |variant: MethodVariant| {
-        let run = |scene| variant.run(scene, direct(), variant.step(case), STEPS);
+        let run = |scene| variant.run(scene, direct(), variant.step(case), 10);
         let name = format!("same in space with the other axes held, {}", variant.name());
         Ok(Check::new(Claim::Constraints, name, &case.name, differences(&run(case)?, &run(&twin)?), 0.0, why))
     };
@@ -157,7 +153,7 @@ pub(super) fn repeated(case: &TestCase) -> Measured {
     let check = |name, value| Check::new(Claim::Solvers, name, &case.name, value, 0.0, why);
     let mut checks = Vec::new();
     for variant in MethodVariant::of(case) {
-        let run = || variant.run(case, SolverOptions::default(), variant.step(case), STEPS);
+        let run = || variant.run(case, SolverOptions::default(), variant.step(case), 10);
         checks.push(check(format!("same run twice, {}", variant.name()), differences(&run()?, &run()?)));
     }
     for (solver, name) in [(SolverChoice::Llt, "Cholesky"), (SolverChoice::Ldlt, "LDLᵀ"), (SolverChoice::Cg, "CG")] {
@@ -166,7 +162,7 @@ pub(super) fn repeated(case: &TestCase) -> Measured {
         let run = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             let pool = pool.map_err(|error| Error::Unsupported(format!("no pool of {threads} threads: {error}")))?;
-            pool.install(|| MethodVariant::on_demand().run(case, options, case.dt, STEPS))
+            pool.install(|| MethodVariant::on_demand().run(case, options, case.dt, 10))
         };
         checks.push(check(format!("same with one thread and two, {name}"), differences(&run(1)?, &run(2)?)));
     }

@@ -4,14 +4,11 @@
 //! error into a number and its rounding error (two-sum by Knuth, two-product with a fused multiply-add), and the errors are
 //! added up beside: as if computed in 106 bits and rounded once (Ogita, Rump and Oishi 2005).
 
-use super::check::{Check, Claim, ratio, worst};
-use super::comparison::WorstEntries;
-use super::force_error::U;
+use super::{Check, Claim, U, UNITS, WorstEntries, ratio, worst};
 use crate::error::{Result, check_length};
 use crate::linear::norm;
 use nalgebra::DMatrix;
 use nalgebra_sparse::CscMatrix;
-use std::cell::RefCell;
 
 /// The largest factor by which the condition estimate is too low in practice (Higham 2002, §15).
 const ESTIMATE_FACTOR: f64 = 3.0;
@@ -38,10 +35,9 @@ pub struct Solved<'a> {
 
 /// The normwise and the componentwise backward error of a solution by a factorization.
 ///
-/// Rigal and Gaches (1967): `‖r‖/(‖A‖ ‖x‖ + ‖b‖)` in the maximum norm. Oettli and Prager (1964): the largest
-/// `|r_i|/(|A||x| + |b|)_i`, relative to the intermediate values of elimination where these are larger. The residual is
-/// computed in twice the usual precision. Sees any error of the solution that matters against rounding of A and b:
-/// permuted, stopped early, solved in 32 bits, another matrix; is blind to a wrong A.
+/// Rigal and Gaches (1967): `‖r‖/(‖A‖ ‖x‖ + ‖b‖)` in the maximum norm. Oettli and Prager (1964): the largest `|r_i|/(|A||x| + |b|)_i`, relative to
+/// the intermediate values of elimination where these are larger. The residual is computed in twice the usual precision. Sees any error of the
+/// solution that matters against rounding of A and b: permuted, stopped early, solved in 32 bits, another matrix; is blind to a wrong A.
 ///
 /// # Errors
 /// Sizes that do not fit each other.
@@ -53,24 +49,21 @@ pub fn backward_errors(a: &CscMatrix<f64>, b: &[f64], solved: &Solved, scene: &s
     for (row, (r, allowed)) in residual.values.iter().zip(&allowed).enumerate() {
         entries.compare(row, None, b[row] - r, b[row], *allowed);
     }
-    let mut componentwise = 0.0;
-    for (r, allowed) in residual.values.iter().zip(&allowed).filter(|(r, _)| **r != 0.0) {
-        componentwise = worst([componentwise, 30.0 * U * r.abs() / allowed]);
-    }
+    let wrong = residual.values.iter().zip(&allowed).filter(|(r, _)| **r != 0.0);
+    let componentwise = worst(wrong.map(|(r, allowed)| UNITS * U * r.abs() / allowed).chain([0.0]));
     let normwise_why = "30 u: a stable factorization solves a system whose A is off by a few roundings (Higham 2002, theorem 10.4; the \
         constant grows with the length of sums in theory, hardly in practice)";
     let componentwise_why = "30 u of (|A||x| + |b|)_i, or of √a_ii √a_jj |x_j| with the largest j where that is more: what elimination passes \
         through row i, as (|L||Lᵀ|)_ij ≤ √a_ii √a_jj by Cauchy and Schwarz";
     let check = |kind: &str, value, why: &str| {
-        Check::new(Claim::Solvers, format!("{kind} backward error of {}", solved.method), scene, value, 30.0 * U, why)
+        Check::new(Claim::Solvers, format!("{kind} backward error of {}", solved.method), scene, value, UNITS * U, why)
     };
     let table = entries.into_table(|entry| entry);
     let componentwise = check("componentwise", componentwise, componentwise_why).with_table(table);
     Ok([check("normwise", normwise, normwise_why), componentwise])
 }
 
-/// The normwise backward error of a solution with an indefinite A, which an unpivoted LDLᵀ may lose any number of
-/// digits of.
+/// The normwise backward error of a solution with an indefinite A, which an unpivoted LDLᵀ may lose any number of digits of.
 ///
 /// Sees a solution that should have been refused; is blind to a wrong A.
 ///
@@ -94,11 +87,10 @@ fn stable_residual(a: &CscMatrix<f64>, x: &[f64], residual: &Residual) -> Vec<f6
     let mut roots = vec![0.0; a.nrows()];
     a.triplet_iter().filter(|(row, column, _)| row == column).for_each(|(row, _, v)| roots[row] = v.abs().sqrt());
     let most = worst(roots.iter().zip(x).map(|(root, x)| root * x.abs()).chain([0.0]));
-    residual.terms.iter().zip(&roots).map(|(terms, root)| 30.0 * U * worst([*terms, root * most])).collect()
+    residual.terms.iter().zip(&roots).map(|(terms, root)| UNITS * U * worst([*terms, root * most])).collect()
 }
 
-/// The relative residual of an iteration's solution, recomputed in twice the usual precision, against the tolerance
-/// that it was given.
+/// The relative residual of an iteration's solution, recomputed in twice the usual precision, against the tolerance that it was given.
 ///
 /// Sees an iteration that stopped early or trusted its recurrence; is blind to a wrong A.
 ///
@@ -114,7 +106,7 @@ pub fn tolerance_is_met(
 ) -> Result<Check> {
     let residual = Residual::new(a, b, x)?;
     let value = ratio(norm(&residual.values), norm(b));
-    let bound = tolerance + 30.0 * U * norm(&residual.terms) / norm(b).max(f64::MIN_POSITIVE);
+    let bound = tolerance + UNITS * U * norm(&residual.terms) / norm(b).max(f64::MIN_POSITIVE);
     let why = "the given tolerance, and 30 u |A||x| for the residual that the method itself computes in 64 bits";
     Ok(Check::new(Claim::Solvers, format!("relative residual of {method}"), scene, value, bound, why))
 }
@@ -146,7 +138,7 @@ pub fn solutions_agree(
     let allowed: Vec<f64> = stable.iter().map(|stable| 2.0 * stable + iterated).collect();
     let size = largest(reference.x);
     let difference = worst(solved.x.iter().zip(reference.x).map(|(x, y)| (x - y).abs()).chain([0.0]));
-    let condition = Condition::estimate(a, solve).number();
+    let condition = condition_estimate(a, solve);
     let bound = ratio(forward_bound(&allowed, solve), size);
     let why = format!(
         "|A⁻¹| times the residuals that both methods promise, by an estimate from below, times {ESTIMATE_FACTOR}; \
@@ -156,11 +148,11 @@ pub fn solutions_agree(
     Ok(Check::new(Claim::Solvers, name, scene, ratio(difference, size), bound, why))
 }
 
-/// Holds a condition estimate to the exact condition number, by a dense inverse: for small matrices.
+/// Holds a [`condition_estimate`] to the exact condition number, by a dense inverse: for small matrices.
 ///
 /// Value: the larger of `estimate/exact` and `exact/(3 estimate)`, beside rounding. Sees a wrong norm or a solver that is
 /// not A's; is blind to nothing on the matrix that it is given.
-pub fn condition_is_right(a: &CscMatrix<f64>, estimate: &Condition, scene: &str) -> Check {
+pub fn condition_is_right(a: &CscMatrix<f64>, estimate: f64, scene: &str) -> Check {
     let name = "condition estimate against the dense inverse";
     let dense = DMatrix::from(a);
     // By elimination: the formulas of cofactors for small matrices lose κ² u.
@@ -173,7 +165,7 @@ pub fn condition_is_right(a: &CscMatrix<f64>, estimate: &Condition, scene: &str)
     let exact = inverse.map_or(f64::NAN, |inverse| {
         norm_inf(a) * worst(inverse.column_iter().map(|column| column.iter().map(|v| v.abs()).sum()))
     });
-    let ratio = estimate.number() / exact;
+    let ratio = estimate / exact;
     // The dense inverse itself has a relative error of about n u κ.
     let slack = 1.0 + 10.0 * a.nrows() as f64 * U * exact;
     let value = worst([ratio / slack, 1.0 / (ratio * ESTIMATE_FACTOR * slack)]);
@@ -192,27 +184,33 @@ pub fn condition_is_right(a: &CscMatrix<f64>, estimate: &Condition, scene: &str)
     Check::new(Claim::Solvers, name, scene, value, 1.0, why)
 }
 
+/// Whether B or Bᵀ multiplies.
+enum Side {
+    Plain,
+    Transposed,
+}
+
 /// Estimates the 1-norm `‖B‖₁ = max ‖B x‖₁/‖x‖₁` of a matrix known by its products with B and Bᵀ: always a lower bound,
 /// nearly always within a factor of 3 (Hager 1984, Higham 1988).
 ///
 /// A climb over the corners `± e_j` of the unit ball: the gradient `Bᵀ sign(B x)` of ‖B x‖₁ points to the next one. A last
 /// vector of alternating signs catches matrices that are built to fool the climb.
-fn one_norm_estimate(order: usize, mut product: impl FnMut(&mut [f64]), mut transposed: impl FnMut(&mut [f64])) -> f64 {
+fn one_norm_estimate(order: usize, mut product: impl FnMut(&mut [f64], Side)) -> f64 {
     let norm_1 = |x: &[f64]| x.iter().map(|x| x.abs()).sum::<f64>();
     let n = order as f64;
     let mut x = vec![1.0 / n; order];
-    product(&mut x);
+    product(&mut x, Side::Plain);
     let mut estimate = norm_1(&x);
     let mut last = usize::MAX;
     for _ in 0..5 {
         x.iter_mut().for_each(|x| *x = if *x < 0.0 { -1.0 } else { 1.0 });
-        transposed(&mut x);
+        product(&mut x, Side::Transposed);
         let steepest = (0..order).max_by(|&a, &b| x[a].abs().total_cmp(&x[b].abs()));
         let Some(steepest) = steepest.filter(|&index| index != last) else { break };
         last = steepest;
         x.fill(0.0);
         x[steepest] = 1.0;
-        product(&mut x);
+        product(&mut x, Side::Plain);
         let next = norm_1(&x);
         if next <= estimate {
             break;
@@ -223,31 +221,13 @@ fn one_norm_estimate(order: usize, mut product: impl FnMut(&mut [f64]), mut tran
         let size = 1.0 + i as f64 / (n - 1.0).max(1.0);
         *x = if i % 2 == 0 { size } else { -size };
     }
-    product(&mut x);
+    product(&mut x, Side::Plain);
     worst([estimate, 2.0 * norm_1(&x) / (3.0 * n)])
 }
 
-/// Condition of a symmetric matrix in the 1-norm, from its entries and a solver.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Condition {
-    /// `‖A‖₁`, exact.
-    pub norm: f64,
-    /// `‖A⁻¹‖₁`, estimated from below.
-    pub inverse_norm: f64,
-}
-
-impl Condition {
-    /// Estimates with about five solves `x ← A⁻¹ x`.
-    pub fn estimate(a: &CscMatrix<f64>, solve: &mut dyn FnMut(&mut [f64])) -> Self {
-        let solve = RefCell::new(solve);
-        let product = |x: &mut [f64]| (solve.borrow_mut())(x);
-        Self { norm: norm_inf(a), inverse_norm: one_norm_estimate(a.ncols(), product, product) }
-    }
-
-    /// `κ = ‖A‖₁ ‖A⁻¹‖₁`.
-    pub fn number(&self) -> f64 {
-        self.norm * self.inverse_norm
-    }
+/// The condition number `κ = ‖A‖₁ ‖A⁻¹‖₁` of a symmetric matrix, estimated from below with about five solves `x ← A⁻¹ x`.
+pub fn condition_estimate(a: &CscMatrix<f64>, solve: &mut dyn FnMut(&mut [f64])) -> f64 {
+    norm_inf(a) * one_norm_estimate(a.ncols(), |x, _| solve(x))
 }
 
 /// Bound of `‖δx‖∞` for the solution of `A x = b` with a residual of at most `residual` in each component: `‖ |A⁻¹| r
@@ -255,20 +235,21 @@ impl Condition {
 ///
 /// Unlike `κ(A)` times the relative residual it is sharp with badly scaled rows.
 fn forward_bound(residual: &[f64], solve: &mut dyn FnMut(&mut [f64])) -> f64 {
-    let solve = RefCell::new(solve);
-    let weigh = |x: &mut [f64]| x.iter_mut().zip(residual).for_each(|(x, r)| *x *= r);
-    let product = |x: &mut [f64]| {
-        (solve.borrow_mut())(x);
-        weigh(x);
-    };
-    let transposed = |x: &mut [f64]| {
-        weigh(x);
-        (solve.borrow_mut())(x);
-    };
     if largest(residual) == 0.0 {
         return 0.0;
     }
-    ESTIMATE_FACTOR * one_norm_estimate(residual.len(), product, transposed) * (1.0 + residual.len() as f64 * U)
+    let weigh = |x: &mut [f64]| x.iter_mut().zip(residual).for_each(|(x, r)| *x *= r);
+    let estimate = one_norm_estimate(residual.len(), |x, side| match side {
+        Side::Plain => {
+            solve(x);
+            weigh(x);
+        }
+        Side::Transposed => {
+            weigh(x);
+            solve(x);
+        }
+    });
+    ESTIMATE_FACTOR * estimate * (1.0 + residual.len() as f64 * U)
 }
 
 /// `b − A x` and `|A| |x| + |b|`.

@@ -1,12 +1,10 @@
 //! Every solver on one step's system, against each other and against two independent libraries.
 
-use super::TestCase;
-use super::check::{Check, Claim, Measured};
-use super::force_error::U;
 use super::solution::{
-    Condition, Promise, Residual, Solved, backward_errors, condition_is_right, indefinite_backward_error, largest,
-    solutions_agree, tolerance_is_met,
+    Promise, Residual, Solved, backward_errors, condition_estimate, condition_is_right, indefinite_backward_error,
+    largest, solutions_agree, tolerance_is_met,
 };
+use super::{Check, Claim, Measured, TestCase, U, Unfinished};
 use crate::assembly::SymmetricMatrix;
 use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
@@ -16,16 +14,15 @@ use crate::linear::{
 };
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
-use crate::system::{State, System};
+use crate::system::System;
 use crate::work::Work;
 use faer::Par;
 use nalgebra::{DMatrix, DVector};
 use nalgebra_sparse::CscMatrix;
 use nalgebra_sparse::factorization::CscCholesky;
 
-/// Rows up to which nalgebra-sparse, which is not blocked, and dense matrices are used.
-const SPARSE_LIMIT: usize = 2500;
-const DENSE_LIMIT: usize = 400;
+/// Rows up to which dense matrices are used.
+const DENSE: usize = 400;
 
 /// All solvers on the system of one step.
 ///
@@ -35,7 +32,7 @@ const DENSE_LIMIT: usize = 400;
 pub(super) fn measure(case: &TestCase) -> Measured {
     let TestCase { name, system, state, dt, .. } = case;
     let geometry = SpringGeometry::at(system, &state.positions)?;
-    let (option, matrix, b, mut factor) = definite(system, state, *dt)?;
+    let (option, matrix, b, mut factor) = definite(case)?;
     let operator = SystemOperator::new(system, &geometry, option, Combination::step(*dt));
     let scene = format!("{name}, {}", option.name());
     let a = matrix.to_csc();
@@ -48,13 +45,19 @@ pub(super) fn measure(case: &TestCase) -> Measured {
 
     let tolerance = attainable(&a, &b, reference.x)?;
     let iterated = Promise::Tolerance(tolerance);
-    let with = |choice, tolerance| solve_with(system, &operator, &b, choice, tolerance);
+    let with =
+        |choice, tolerance| solve_with(system, &operator, &b, choice, tolerance).map_err(|failure| failure.to_string());
+    let right = DVector::from_column_slice(&b);
     let mut solutions = vec![("LDLᵀ", Promise::Stable, with(SolverChoice::Ldlt, 0.0))];
-    if a.nrows() <= SPARSE_LIMIT {
-        solutions.push(("nalgebra-sparse's Cholesky", Promise::Stable, sparse(&a, &b)));
+    // This factorization is not blocked.
+    if a.nrows() <= 2500 {
+        let x = CscCholesky::factor(&a).map(|factor| factor.solve(&right).as_slice().to_vec());
+        solutions.push(("nalgebra-sparse's Cholesky", Promise::Stable, x.map_err(|error| error.to_string())));
     }
-    if a.nrows() <= DENSE_LIMIT {
-        solutions.push(("dense Cholesky", Promise::Stable, dense(&a, &b)));
+    if a.nrows() <= DENSE {
+        let x = DMatrix::from(&a).cholesky().map(|factor| factor.solve(&right).as_slice().to_vec());
+        let x = x.ok_or("the dense matrix is not positive definite".into());
+        solutions.push(("dense Cholesky", Promise::Stable, x));
     }
     solutions.push(("CG, matrix-free", iterated, with(SolverChoice::Cg, tolerance)));
     solutions.push(("CG, assembled", iterated, with(SolverChoice::CgAssembled, tolerance)));
@@ -75,27 +78,27 @@ pub(super) fn measure(case: &TestCase) -> Measured {
         checks.push(solutions_agree(&a, &b, &solved, &reference, &mut solve, &scene)?);
     }
     if option != Stiffness::Full {
-        checks.extend(indefinite_check(system, state, *dt, &format!("{name}, full"))?);
+        checks.extend(indefinite_check(case, &geometry)?);
     }
-    if a.nrows() <= DENSE_LIMIT {
-        checks.push(condition_is_right(&a, &Condition::estimate(&a, &mut solve), &scene));
+    if a.nrows() <= DENSE {
+        checks.push(condition_is_right(&a, condition_estimate(&a, &mut solve), &scene));
     }
     Ok(checks)
 }
 
 /// LDLᵀ on the indefinite A of option `Full`: a result that it does not refuse must be a solution.
-fn indefinite_check(system: &System, state: &State, dt: f64, scene: &str) -> Result<Option<Check>> {
-    let geometry = SpringGeometry::at(system, &state.positions)?;
-    let step = StepMatrices::assemble(system, state, Stiffness::Full, dt)?;
-    let operator = SystemOperator::new(system, &geometry, Stiffness::Full, Combination::step(dt));
-    let solved = solve_with(system, &operator, &step.b, SolverChoice::Ldlt, 0.0);
-    solved.ok().map(|x| indefinite_backward_error(&step.a.to_csc(), &step.b, &x, "LDLᵀ", scene)).transpose()
+fn indefinite_check(case: &TestCase, geometry: &SpringGeometry) -> Result<Option<Check>> {
+    let TestCase { name, system, state, dt, .. } = case;
+    let step = StepMatrices::assemble(system, state, Stiffness::Full, *dt)?;
+    let operator = SystemOperator::new(system, geometry, Stiffness::Full, Combination::step(*dt));
+    let Ok(x) = solve_with(system, &operator, &step.b, SolverChoice::Ldlt, 0.0) else { return Ok(None) };
+    indefinite_backward_error(&step.a.to_csc(), &step.b, &x, "LDLᵀ", &format!("{name}, full")).map(Some)
 }
 
 /// A, b and Cholesky's factor under the first option that makes A positive definite.
-fn definite(system: &System, state: &State, dt: f64) -> Result<(Stiffness, SymmetricMatrix, Vec<f64>, Cholesky)> {
+fn definite(case: &TestCase) -> Result<(Stiffness, SymmetricMatrix, Vec<f64>, Cholesky)> {
     for option in [Stiffness::Full, Stiffness::Tension] {
-        let step = StepMatrices::assemble(system, state, option, dt)?;
+        let step = StepMatrices::assemble(&case.system, &case.state, option, case.dt)?;
         let mut factor = Cholesky::analyse(step.a.pattern(), Par::Seq)?;
         if factor.factor(&step.a).is_ok() {
             return Ok((option, step.a, step.b, factor));
@@ -110,16 +113,13 @@ fn solve_with(
     b: &[f64],
     solver: SolverChoice,
     tolerance: f64,
-) -> Result<Vec<f64>, String> {
+) -> Result<Vec<f64>, Unfinished> {
     let preconditioner = Some(PreconditionerKind::BlockJacobi);
     let options =
         SolverOptions { solver, preconditioner, tolerance: Tolerance::Fixed(tolerance), ..SolverOptions::default() };
-    let mut work = Work::default();
-    let mut solver =
-        select(system, &options, DefinitenessGuarantee::Definite, &mut work).map_err(|error| error.to_string())?;
-    let mut x = vec![0.0; b.len()];
-    let prepared = solver.prepare(operator, &mut work);
-    prepared.and_then(|mut solver| solver.solve(b, &mut x, &mut work)).map_err(|failure| failure.to_string())?;
+    let (mut work, mut x) = (Work::default(), vec![0.0; b.len()]);
+    let mut solver = select(system, &options, DefinitenessGuarantee::Definite, &mut work)?;
+    solver.prepare(operator, &mut work)?.solve(b, &mut x, &mut work)?;
     Ok(x)
 }
 
@@ -127,14 +127,4 @@ fn solve_with(
 fn attainable(a: &CscMatrix<f64>, b: &[f64], x: &[f64]) -> Result<f64> {
     let rounding = 100.0 * U * norm(&Residual::new(a, b, x)?.terms) / norm(b);
     Ok(if largest(b) > 0.0 { rounding.max(1e-10) } else { 1e-10 })
-}
-
-fn sparse(a: &CscMatrix<f64>, b: &[f64]) -> Result<Vec<f64>, String> {
-    let factor = CscCholesky::factor(a).map_err(|error| error.to_string())?;
-    Ok(factor.solve(&DVector::from_column_slice(b)).as_slice().to_vec())
-}
-
-fn dense(a: &CscMatrix<f64>, b: &[f64]) -> Result<Vec<f64>, String> {
-    let factor = DMatrix::from(a).cholesky().ok_or("the dense matrix is not positive definite")?;
-    Ok(factor.solve(&DVector::from_column_slice(b)).as_slice().to_vec())
 }

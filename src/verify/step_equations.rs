@@ -21,13 +21,10 @@
 //! Its steps are short enough for one iteration. The default's choice of K is not written a second time; of it, as of all
 //! others, the exact residual after the step is compared with that before it. Methods of several stages have known answers instead.
 
-use super::TestCase;
-use super::check::{Check, Claim, Measured, ratio, worst};
-use super::force_error::U;
-use super::free_coordinates::reduce;
 use super::limits::corners;
-use super::reference::{self, Link, damping_product, links, movers, stiffness_product};
-use super::runs::{MethodVariant, direct, each_run, worst_step};
+use super::reference::{self, damping_product, links, movers, stiffness_product};
+use super::runs::{each_run, worst_step};
+use super::{Check, Claim, Link, Measured, MethodVariant, TestCase, U, UNITS, direct, ratio, reduce, worst};
 use crate::integrate::{Method, PositionUpdate, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions, Tolerance, norm};
 use crate::spring::Stiffness;
@@ -37,9 +34,6 @@ use nalgebra::Vector3;
 /// Steps that are put back; of bdf2 more, as it starts with another formula.
 const STEPS: usize = 3;
 const BDF2_STEPS: usize = 5;
-
-/// Units of rounding that a backward stable solve and forming the residual may leave.
-const UNITS: f64 = 30.0;
 
 /// The tolerance of conjugate gradients.
 const TOLERANCE: f64 = 1e-10;

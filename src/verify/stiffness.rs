@@ -1,13 +1,11 @@
 //! K and the blocks of springs, entry by entry, against central differences of the force and against dual numbers.
 
-use super::TestCase;
-use super::check::{Check, Claim, worst};
-use super::coloring::{ColumnGroups, evaluate_moved};
-use super::comparison::{WorstEntries, check_square, explain_by_spring};
-use super::dual;
-use super::force_error::{ForceError, Step};
-use super::free_coordinates::{elastic_force, reduce};
-use super::reference::{Link, active_links};
+use super::coloring::evaluate_moved;
+use super::comparison::{check_square, explain_by_spring};
+use super::force_error::Step;
+use super::free_coordinates::elastic_force;
+use super::reference::active_links;
+use super::{Check, Claim, ColumnGroups, ForceError, Link, TestCase, WorstEntries, dual, reduce, worst};
 use crate::error::Result;
 use crate::figure::Drawing;
 use crate::spring::{Extension, Spring};
@@ -17,10 +15,9 @@ use nalgebra_sparse::CscMatrix;
 
 /// Compares every entry of K with the central difference of the elastic force, columns that share no row at once.
 ///
-/// `stiffness` is the whole K under test, both triangles, in N/m.
-/// Value: the largest error as a multiple of truncation and rounding of its entry. Sees any entry that is wrong by more
-/// than about 1e-9 of the stiffest spring at its particles; is blind to smaller faults, to those of weak springs beside
-/// springs 10⁹ times stiffer, and to a force law that is wrong in both.
+/// `stiffness` is the whole K under test, both triangles, in N/m. Value: the largest error as a multiple of truncation and rounding of its entry.
+/// Sees any entry that is wrong by more than about 1e-9 of the stiffest spring at its particles; is blind to smaller faults, to those of weak springs
+/// beside springs 10⁹ times stiffer, and to a force law that is wrong in both.
 ///
 /// # Errors
 /// Coincident ends of a spring; a matrix of another size.
@@ -50,9 +47,8 @@ pub fn stiffness_entries(case: &TestCase, stiffness: &CscMatrix<f64>) -> Result<
         }
     }
     let why = format!(
-        "1 is what analysis allows for an entry: truncation k h²/(2(l − h)³) of each spring between the two particles, rounding \
-         15 u k max(1, l/l0) of each force divided by h, h = (rounding/truncation)^(1/3) where both are least; {} entries with {} pairs \
-         of force evaluations",
+        "1 is what analysis allows for an entry: truncation k h²/(2(l − h)³) of each spring between the two particles, rounding 15 u k max(1, l/l0) \
+         of each force divided by h, h = (rounding/truncation)^(1/3) where both are least; {} entries with {} pairs of force evaluations",
         entries.compared,
         groups.groups().len()
     );
@@ -74,9 +70,8 @@ pub fn stiffness_entries(case: &TestCase, stiffness: &CscMatrix<f64>) -> Result<
 
 /// Compares every entry of the assembled K with the sum of dual-number blocks.
 ///
-/// `stiffness` is the whole K under test for [`Stiffness::Full`](crate::Stiffness::Full), both triangles. Value: the
-/// largest error of an entry as a multiple of rounding. Sees missing, extra, doubled and misplaced blocks and any fault
-/// above rounding; is blind to a wrong force law.
+/// `stiffness` is the whole K under test for [`Stiffness::Full`](crate::Stiffness::Full), both triangles. Value: the largest error of an entry as a
+/// multiple of rounding. Sees missing, extra, doubled and misplaced blocks and any fault above rounding; is blind to a wrong force law.
 ///
 /// # Errors
 /// Coincident ends of a spring; a matrix of another size.
@@ -208,26 +203,4 @@ fn difference_block(spring: &Spring, link: &Link, [xi, xj]: [Vector3<f64>; 2]) -
         (force(step.backward) - force(step.forward)) / step.width()
     });
     (Matrix3::from_columns(&columns), allowed)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::integrate::StepMatrices;
-    use crate::spring::Stiffness;
-    use crate::verify::fixtures::{assert_faults_are_found, bent, wrong_stiffness};
-
-    /// Against central differences, and against `k/l0 nnᵀ + k (1/l0 − 1/l) (I − nnᵀ)`.
-    #[test]
-    fn wrong_terms_are_named() {
-        let case = bent();
-        let block = |link: &Link| link.stiffness_block(Stiffness::Full);
-        let right = StepMatrices::assemble(&case.system, &case.state, Stiffness::Full, 1.0).unwrap().k.to_csc();
-        assert!(against_blocks(&case, &right, "K", block).unwrap().passed());
-        let wrong = wrong_stiffness(&case);
-        for check in [stiffness_entries(&case, &wrong), against_blocks(&case, &wrong, "K", block)].map(Result::unwrap) {
-            assert!(!check.passed() && check.drawing.is_some());
-            assert_faults_are_found(&check.table);
-        }
-    }
 }

@@ -1,10 +1,8 @@
 //! Distances between computed and known numbers.
 
 use nalgebra::Vector3;
+pub use sprung::verify::U;
 use sprung::verify::worst;
-
-/// u, the unit of rounding of a double.
-pub const U: f64 = f64::EPSILON / 2.0;
 
 /// A vector of an answer file: as many numbers as the scene has axes.
 pub fn vector(row: &[f64]) -> Vector3<f64> {

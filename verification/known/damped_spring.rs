@@ -2,13 +2,12 @@
 
 use super::compare::{U, rows};
 use super::orders::{Known, towards};
-use super::{Outcome, Problem, cases, each};
+use super::{Outcome, Problem, cases, direct, each};
 use crate::collect::Collector;
 use libtest_mimic::Trial;
 use serde::Deserialize;
 use sprung::Stiffness;
-use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, TimeStepper};
-use sprung::linear::{SolverChoice, SolverOptions};
+use sprung::integrate::{LinearBackwardEuler, TimeStepper};
 use sprung::verify::{Claim, worst};
 
 #[derive(Deserialize)]
@@ -39,9 +38,7 @@ fn iterates(problem: &Problem<Answer>) -> Outcome {
     let answer = &problem.answer;
     let mut checks = Vec::new();
     for option in Stiffness::ALL {
-        let linear = SolverOptions { solver: SolverChoice::Llt, ..SolverOptions::default() };
-        let options = ImplicitOptions { stiffness: option.into(), linear };
-        let mut stepper = LinearBackwardEuler::new(&subject.system, &subject.state, &options)?;
+        let mut stepper = LinearBackwardEuler::new(&subject.system, &subject.state, &direct(option))?;
         let mut state = subject.state.clone();
         let mut done = 0;
         for iterate in &answer.linear_backward_euler {

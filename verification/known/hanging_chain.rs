@@ -1,14 +1,13 @@
 //! A hanging chain rests where every spring bears the weight below it; a step from there moves nothing.
 
 use super::compare::{U, rows, vector};
-use super::{Outcome, Problem, cases, each};
+use super::{Outcome, Problem, cases, direct, each};
 use crate::collect::Collector;
 use libtest_mimic::Trial;
 use nalgebra::Vector3;
 use serde::Deserialize;
 use sprung::force::{SpringGeometry, add_elastic_force, add_weight};
-use sprung::integrate::{ImplicitOptions, Method, StiffnessPolicy};
-use sprung::linear::{SolverChoice, SolverOptions};
+use sprung::integrate::{Method, StiffnessPolicy};
 use sprung::verify::{Claim, worst};
 
 #[derive(Deserialize)]
@@ -56,7 +55,6 @@ fn measure(problem: &Problem<Answer>) -> Outcome {
         problem.check("force of the support", support, system.particles() as f64 * force_rounding, why),
         problem.check("balance of forces", unbalanced, balance, why),
     ];
-    let linear = SolverOptions { solver: SolverChoice::Llt, ..SolverOptions::default() };
     let always = sprung::Stiffness::ALL.map(StiffnessPolicy::Always);
     for method in Method::ALL {
         let policies = if method.is_implicit() { &always[..] } else { &always[..1] };
@@ -66,7 +64,7 @@ fn measure(problem: &Problem<Answer>) -> Outcome {
             for factor in steps {
                 let dt = answer.dt * factor;
                 let mut after = state.clone();
-                method.stepper(system, state, &ImplicitOptions { stiffness, linear })?.step(&mut after, dt)?;
+                method.stepper(system, state, &direct(stiffness))?.step(&mut after, dt)?;
                 let moved = rows(&after.positions, &answer.positions) * reach;
                 let name = format!("rest is kept by {}, {}, dt = {dt}", method.name(), stiffness.name());
                 let lightest = system.masses().iter().copied().fold(f64::INFINITY, f64::min);

@@ -2,14 +2,13 @@
 
 use super::amplification::{Mode, Way, phase, spectral_radius};
 use super::compare::{number, numbers, rows, vector};
-use super::{Outcome, Problem, cases, each};
+use super::{Outcome, Problem, cases, direct, each};
 use crate::collect::Collector;
 use libtest_mimic::Trial;
 use nalgebra::Vector3;
 use serde::Deserialize;
 use sprung::force::{SpringGeometry, add_elastic_force};
-use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, Method, TimeStepper};
-use sprung::linear::{SolverChoice, SolverOptions};
+use sprung::integrate::{LinearBackwardEuler, Method, TimeStepper};
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::verify::{Check, Claim, TestCase, worst};
 use sprung::{Spring, Stiffness, SystemBuilder};
@@ -136,9 +135,7 @@ fn pressed(problem: &Problem<Pressed>) -> Outcome {
     let subject = problem.subject()?;
     let mut checks = Vec::new();
     for (option, known) in problem.answer.options.iter() {
-        let linear = SolverOptions { solver: SolverChoice::Llt, ..SolverOptions::default() };
-        let options = ImplicitOptions { stiffness: option.into(), linear };
-        let mut stepper = LinearBackwardEuler::new(&subject.system, &subject.state, &options)?;
+        let mut stepper = LinearBackwardEuler::new(&subject.system, &subject.state, &direct(option))?;
         let mut state = subject.state.clone();
         let mut errors = Vec::new();
         for height in known.heights.iter().take(problem.answer.steps + 1) {

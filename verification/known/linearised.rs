@@ -2,12 +2,12 @@
 //! unequal length.
 
 use super::compare::U;
+use super::direct;
 use crate::collect::Collector;
 use libtest_mimic::Trial;
 use nalgebra::Vector3;
 use sprung::chart::dop853;
 use sprung::integrate::{Bdf2, ImplicitOptions, Method, Schedule, Status, StiffnessPolicy, TimeStepper, run};
-use sprung::linear::{SolverChoice, SolverOptions};
 use sprung::scene::{Kind, builtin};
 use sprung::verify::{Check, Claim};
 use sprung::{State, Stiffness, System, SystemBuilder};
@@ -41,8 +41,7 @@ fn error(
     stiffness: StiffnessPolicy,
     [dt, duration]: [f64; 2],
 ) -> Result<(f64, u64), Box<dyn std::error::Error>> {
-    let linear = SolverOptions { solver: SolverChoice::Llt, ..SolverOptions::default() };
-    let mut stepper = method.stepper(system, start, &ImplicitOptions { stiffness, linear })?;
+    let mut stepper = method.stepper(system, start, &direct(stiffness))?;
     let mut state = start.clone();
     let schedule = Schedule::duration(dt, duration);
     let outcome = run(&mut *stepper, &mut state, &schedule, |_, _| ControlFlow::Continue(()));

@@ -23,6 +23,8 @@ use libtest_mimic::Trial;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use sprung::Scene;
+use sprung::integrate::{ImplicitOptions, StiffnessPolicy};
+use sprung::linear::{SolverChoice, SolverOptions};
 use sprung::verify::{Check, Claim, TestCase};
 
 /// Checks, or why they could not be carried out.
@@ -50,6 +52,12 @@ impl<A> Problem<A> {
     fn check(&self, name: impl Into<String>, value: f64, bound: f64, why: &str) -> Check {
         Check::new(Claim::KnownAnswers, name, &self.name, value, bound, why)
     }
+}
+
+/// Steps whose equations are solved by Cholesky, which leaves rounding errors only.
+fn direct(stiffness: impl Into<StiffnessPolicy>) -> ImplicitOptions {
+    let linear = SolverOptions { solver: SolverChoice::Llt, ..SolverOptions::default() };
+    ImplicitOptions { stiffness: stiffness.into(), linear }
 }
 
 /// All known answers as tests.

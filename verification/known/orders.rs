@@ -1,10 +1,10 @@
 //! Observed orders of convergence towards a known state.
 
 use super::compare::vector;
+use super::direct;
 use nalgebra::Vector3;
 use serde::Deserialize;
-use sprung::integrate::{ImplicitOptions, Method, Schedule, Status, StiffnessPolicy, run};
-use sprung::linear::{SolverChoice, SolverOptions};
+use sprung::integrate::{Method, Schedule, Status, StiffnessPolicy, run};
 use sprung::verify::{Check, Claim, ErrorCurve, TestCase, order_checks};
 use sprung::{State, Stiffness};
 use std::ops::ControlFlow;
@@ -15,6 +15,13 @@ pub struct Known {
     pub time: f64,
     pub positions: Vec<Vec<f64>>,
     pub velocities: Vec<Vec<f64>>,
+}
+
+impl Known {
+    pub fn state(&self) -> State {
+        let vectors = |rows: &[Vec<f64>]| rows.iter().map(|row| vector(row)).collect();
+        State { time: self.time, positions: vectors(&self.positions), velocities: vectors(&self.velocities) }
+    }
 }
 
 /// Halvings of the coarsest step; the last two runs give the order.
@@ -49,17 +56,8 @@ fn error(subject: &TestCase, known: &Known, method: Method) -> Result<Check, Box
     let z: f64 = if order <= 4 { 1.0 / 8.0 } else { 1.0 / 4.0 };
     // z = 1/2 is the resolving step.
     let steps = (known.time / (subject.resolving_step() * 2.0 * z)).ceil() as u64;
-    let options = ImplicitOptions {
-        linear: SolverOptions { solver: SolverChoice::Llt, ..SolverOptions::default() },
-        ..ImplicitOptions::default()
-    };
-    let mut end = subject.state.clone();
-    let mut stepper = method.stepper(&subject.system, &subject.state, &options)?;
     let schedule = Schedule::steps(known.time / steps as f64, steps);
-    let outcome = run(&mut *stepper, &mut end, &schedule, |_, _| ControlFlow::Continue(()));
-    if outcome.status() != Status::Completed {
-        return Err(format!("{}: {outcome:?}", method.name()).into());
-    }
+    let end = end(subject, method, StiffnessPolicy::OnDemand, &schedule)?;
     let left_out = (1..=order + 1).fold(1.0, |product, k| product * z / f64::from(k));
     let particles = (subject.system.particles() as f64).sqrt();
     let reach = subject.extent() + subject.centre().norm();
@@ -70,15 +68,28 @@ fn error(subject: &TestCase, known: &Known, method: Method) -> Result<Check, Box
     Ok(Check::new(Claim::Convergence, name, &subject.name, distance(&end, known), bound, why))
 }
 
+/// The state at the end of a run.
+fn end(
+    subject: &TestCase,
+    method: Method,
+    stiffness: StiffnessPolicy,
+    schedule: &Schedule,
+) -> Result<State, Box<dyn std::error::Error>> {
+    let mut state = subject.state.clone();
+    let mut stepper = method.stepper(&subject.system, &subject.state, &direct(stiffness))?;
+    let outcome = run(&mut *stepper, &mut state, schedule, |_, _| ControlFlow::Continue(()));
+    if outcome.status() != Status::Completed {
+        return Err(format!("{}, {}: {outcome:?}", method.name(), stiffness.name()).into());
+    }
+    Ok(state)
+}
+
 fn curve(
     subject: &TestCase,
     known: &Known,
     method: Method,
     stiffness: StiffnessPolicy,
 ) -> Result<ErrorCurve, Box<dyn std::error::Error>> {
-    let TestCase { system, state, .. } = subject;
-    let linear = SolverOptions { solver: SolverChoice::Llt, ..SolverOptions::default() };
-    let options = ImplicitOptions { stiffness, linear };
     let name = match method.is_implicit() {
         true => format!("{}, {}", method.name(), stiffness.name()),
         false => method.name().to_owned(),
@@ -88,13 +99,7 @@ fn curve(
     let mut points = Vec::new();
     for halving in 0..=HALVINGS {
         let dt = known.time / (first << halving) as f64;
-        let mut end = state.clone();
-        let mut stepper = method.stepper(system, state, &options)?;
-        let schedule = Schedule::duration(dt, known.time);
-        let outcome = run(&mut *stepper, &mut end, &schedule, |_, _| ControlFlow::Continue(()));
-        if outcome.status() != Status::Completed {
-            return Err(format!("{name}: {outcome:?}").into());
-        }
+        let end = end(subject, method, stiffness, &Schedule::duration(dt, known.time))?;
         points.push((dt, distance(&end, known)));
     }
     Ok(ErrorCurve { method: name, order: method.order(), points })

@@ -3,15 +3,14 @@
 use super::amplification::{Mode, Way, phase, spectral_radius};
 use super::compare::{U, number, numbers, rows, vector};
 use super::one_step::Option3;
-use super::{Outcome, Problem, cases, each};
+use super::{Outcome, Problem, cases, direct, each};
 use crate::collect::Collector;
 use libtest_mimic::Trial;
 use nalgebra::{DMatrix, Vector3};
 use serde::Deserialize;
 use sprung::Stiffness;
 use sprung::force::Energy;
-use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, Method, StepMatrices, TimeStepper};
-use sprung::linear::{SolverChoice, SolverOptions};
+use sprung::integrate::{LinearBackwardEuler, Method, StepMatrices, TimeStepper};
 use sprung::verify::{Check, Claim, TestCase, worst};
 
 #[derive(Deserialize)]
@@ -184,9 +183,7 @@ fn run(problem: &Problem<Run>) -> Outcome {
     };
     let mut checks = Vec::new();
     for option in options {
-        let linear = SolverOptions { solver: SolverChoice::Llt, ..SolverOptions::default() };
-        let mut stepper =
-            LinearBackwardEuler::new(system, &subject.state, &ImplicitOptions { stiffness: option.into(), linear })?;
+        let mut stepper = LinearBackwardEuler::new(system, &subject.state, &direct(option))?;
         let mut state = subject.state.clone();
         let mut energies = vec![Energy::of(system, &state).total()];
         for _ in 0..answer.steps {
@@ -225,8 +222,7 @@ fn growth(problem: &Problem<Growth>) -> Outcome {
     let n = subject.system.dofs().len() / subject.system.dimension();
     let shape = shape(&subject, &highest(n), 1);
     let (system, rest) = (&subject.system, &subject.state);
-    let linear = SolverOptions { solver: SolverChoice::Llt, ..SolverOptions::default() };
-    let options = ImplicitOptions { stiffness: Stiffness::Axial.into(), linear };
+    let options = direct(Stiffness::Axial);
     let mut checks = Vec::new();
     let failing = |name: String, value: f64, bound: f64, why: &str| {
         Check::new(Claim::Failure, name, &problem.name, value, bound, why)

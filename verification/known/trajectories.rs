@@ -1,13 +1,12 @@
 //! True motions of nonlinear scenes, approached at the order of each method.
 
-use super::compare::{U, vector};
+use super::compare::U;
 use super::one_step::Energies;
 use super::orders::{Known, towards};
 use super::{Outcome, Problem, cases, each};
 use crate::collect::Collector;
 use libtest_mimic::Trial;
 use serde::Deserialize;
-use sprung::State;
 use sprung::force::Energy;
 use sprung::verify::Claim;
 
@@ -44,9 +43,7 @@ fn energies(problem: &Problem<Answer>) -> Outcome {
     let subject = problem.subject()?;
     let check = |snapshot: &Snapshot| {
         let known = &snapshot.known;
-        let vectors = |rows: &[Vec<f64>]| rows.iter().map(|row| vector(row)).collect();
-        let (positions, velocities) = (vectors(&known.positions), vectors(&known.velocities));
-        let found = Energy::of(&subject.system, &State { time: known.time, positions, velocities });
+        let found = Energy::of(&subject.system, &known.state());
         let why =
             "relative to the largest kind: a dozen rounded operations a spring, and the known state is rounded too";
         problem.check(format!("energy at {} s", known.time), snapshot.energy.distance(&found), 60.0 * U, why)

@@ -1,6 +1,6 @@
 //! Two bodies that circle each other at `l = l0/(1 − μ ω² l0/k)`: the balance of forces, and the motion in the limit.
 
-use super::compare::{U, number, vector};
+use super::compare::{U, number};
 use super::one_step::Energies;
 use super::orders::{Known, towards};
 use super::{Outcome, Problem, cases, each};
@@ -8,7 +8,6 @@ use crate::collect::Collector;
 use libtest_mimic::Trial;
 use nalgebra::Vector3;
 use serde::Deserialize;
-use sprung::State;
 use sprung::force::{Energy, SpringGeometry, add_elastic_force, angular_momentum, linear_momentum};
 use sprung::verify::{Claim, worst};
 
@@ -34,12 +33,7 @@ fn balance(problem: &Problem<Answer>) -> Outcome {
     let (system, answer) = (&subject.system, &problem.answer);
     let masses = system.masses();
     let total: f64 = masses.iter().sum();
-    let vectors = |rows: &[Vec<f64>]| -> Vec<Vector3<f64>> { rows.iter().map(|row| vector(row)).collect() };
-    let circle = answer.states.iter().map(|known| State {
-        time: known.time,
-        positions: vectors(&known.positions),
-        velocities: vectors(&known.velocities),
-    });
+    let circle = answer.states.iter().map(Known::state);
     let spring = system.springs()[0];
     // A length off by u changes a force of T by u k l/l0.
     let sensitivity = spring.stiffness * answer.length / spring.rest_length / answer.tension;

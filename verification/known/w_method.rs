@@ -2,12 +2,11 @@
 
 use super::compare::rows;
 use super::one_step::Option3;
-use super::{Outcome, Problem, cases, each};
+use super::{Outcome, Problem, cases, direct, each};
 use crate::collect::Collector;
 use libtest_mimic::Trial;
 use serde::Deserialize;
-use sprung::integrate::{ImplicitOptions, TimeStepper, WMethod};
-use sprung::linear::{SolverChoice, SolverOptions};
+use sprung::integrate::{TimeStepper, WMethod};
 use sprung::verify::{Claim, worst};
 
 #[derive(Deserialize)]
@@ -29,9 +28,7 @@ pub fn trials(collector: &mut Collector) -> Vec<Trial> {
 fn measure(problem: &Problem<Answer>) -> Outcome {
     let subject = problem.subject()?;
     let answer = &problem.answer;
-    let linear = SolverOptions { solver: SolverChoice::Llt, ..SolverOptions::default() };
-    let options = ImplicitOptions { stiffness: answer.stiffness.stiffness().into(), linear };
-    let mut stepper = WMethod::new(&subject.system, &subject.state, &options)?;
+    let mut stepper = WMethod::new(&subject.system, &subject.state, &direct(answer.stiffness.stiffness()))?;
     let mut state = subject.state.clone();
     for _ in 0..answer.steps {
         stepper.step(&mut state, answer.dt)?;

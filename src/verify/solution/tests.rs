@@ -32,12 +32,6 @@ fn backward_errors_by_hand() {
     assert_close(indefinite_backward_error(&system(), &B, &X, "m", "s").unwrap().value, 0.5 / 68.0);
 }
 
-#[test]
-fn what_elimination_may_leave_by_hand() {
-    let (a, residual) = (system(), Residual::new(&system(), &B, &X).unwrap());
-    assert_eq!(stable_residual(&a, &X, &residual), [16.0, 64.5, 24.0].map(|size| 30.0 * U * size));
-}
-
 /// Nothing solves a right-hand side of zeros exactly, though there is nothing to measure it by.
 #[test]
 fn an_exact_solution_has_no_error() {
@@ -94,7 +88,7 @@ fn sizes_that_do_not_fit_are_errors() {
 #[test]
 fn a_condition_is_held_to_the_dense_inverse() {
     let a = CscMatrix::from(&DMatrix::from_diagonal(&vec![4.0, 16.0, 2.0].into()));
-    let check = |inverse_norm| condition_is_right(&a, &Condition { norm: 16.0, inverse_norm }, "s");
+    let check = |inverse_norm: f64| condition_is_right(&a, 16.0 * inverse_norm, "s");
     let value = |inverse_norm| check(inverse_norm).value;
     let slack = 1.0 + 10.0 * 3.0 * U * 8.0;
     for (inverse_norm, expected) in
@@ -118,13 +112,14 @@ fn the_residual_is_exact_where_double_precision_sees_nothing() {
 }
 
 fn estimate(b: &DMatrix<f64>) -> f64 {
-    let times = |b: DMatrix<f64>| {
-        move |x: &mut [f64]| {
-            let y = &b * DVector::from_column_slice(x);
-            x.copy_from_slice(y.as_slice());
-        }
-    };
-    one_norm_estimate(b.ncols(), times(b.clone()), times(b.transpose()))
+    one_norm_estimate(b.ncols(), |x, side| {
+        let x_before = DVector::from_column_slice(x);
+        let y = match side {
+            Side::Plain => b * x_before,
+            Side::Transposed => b.tr_mul(&x_before),
+        };
+        x.copy_from_slice(y.as_slice());
+    })
 }
 
 #[test]
@@ -141,39 +136,17 @@ fn the_estimate_is_a_lower_bound_within_a_factor_of_three() {
     assert_eq!(forward_bound(&[0.0], &mut |_| {}), 0.0);
 }
 
-/// A matrix that fools the climb: `B x` of the even vector and of every corner that the climb tries is small beside that of the alternating
-/// vector `(1, −1 − 1/(n − 1), 1 + 2/(n − 1), …)`, of which two thirds over n are the estimate (Higham 1988).
+/// A matrix that fools the climb: only the alternating vector `(1, −1 − 1/(n − 1), 1 + 2/(n − 1), …)` sees it, of which two thirds over n are the
+/// estimate (Higham 1988).
 #[test]
 fn the_last_vector_alternates() {
     for n in 2..7 {
-        let z: Vec<f64> =
-            (0..n).map(|i| (1.0 + f64::from(i) / (f64::from(n) - 1.0)) * if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
-        let mut seen = Vec::new();
-        let nothing = |x: &mut [f64]| x.fill(0.0);
-        let product = |x: &mut [f64]| {
-            seen = x.to_vec();
-            x.fill(3.0);
+        let product = |x: &mut [f64], side| {
+            let is_seen = matches!(side, Side::Plain) && x[1] < -0.9;
+            x.fill(if is_seen { 90.0 } else { 0.0 });
         };
-        let found = one_norm_estimate(n as usize, product, nothing);
-        for (seen, expected) in seen.iter().zip(&z) {
-            assert!((seen - expected).abs() < 1e-15, "{seen} {expected}");
-        }
-        assert!((found - 3.0 * f64::from(n)).abs() < 1e-12);
-        let large = one_norm_estimate(n as usize, |x| if x[1] < -0.9 { x.fill(90.0) } else { x.fill(0.0) }, nothing);
-        assert!((large - 60.0).abs() < 1e-12, "{large}");
+        assert!((one_norm_estimate(n, product) - 60.0).abs() < 1e-12);
     }
-}
-
-/// The climb follows signs, of which that of zero is positive: from (1, 1) the gradient of ‖B x‖₁ for B = (1, 0; −1, 1) is Bᵀ(1, 1).
-#[test]
-fn the_climb_follows_signs() {
-    let mut signs = Vec::new();
-    let product = |x: &mut [f64]| (x[0], x[1], x[2]) = (x[0], x[1] - x[0], x[2] - 2.0 * x[0]);
-    let found = one_norm_estimate(3, product, |x: &mut [f64]| {
-        signs.push(x.to_vec());
-        (x[0], x[1], x[2]) = (x[0] - x[1] - 2.0 * x[2], x[1], x[2]);
-    });
-    assert_eq!((signs[0].as_slice(), found), (&[1.0, 1.0, -1.0][..], 4.0));
 }
 
 /// Three times ‖diag(r) A⁻¹‖₁, a little more for rounding, also where one of the residuals is zero.
