@@ -145,8 +145,7 @@ impl Chart {
     }
 }
 
-/// Whether a recommended run, made as by `sprung run` for the whole duration, completes without a warning. After the deadline nothing is
-/// recommended.
+/// Whether a recommended run, made as by `sprung run` for the whole duration, completes without a warning. After the deadline nothing is recommended.
 fn holds(scene: &LoadedScene, run: &Run, duration: f64, until: Deadline) -> bool {
     let LoadedScene { system, state: start, .. } = scene;
     let method = Method::ALL.into_iter().find(|method| method.name() == run.method).map(MethodChoice::Named);

@@ -167,8 +167,7 @@ impl Process {
     }
 }
 
-/// Creates and locks a folder, and checks that files of these names can be written there. `goes_on` keeps unfinished files of a killed
-/// run.
+/// Creates and locks a folder, and checks that files of these names can be written there. `goes_on` keeps unfinished files of a killed run.
 pub fn claim(folder: &Path, names: &[&str], goes_on: bool) -> Result<OutputFolder> {
     let claimed = OutputFolder::claim(folder, goes_on)?;
     names.iter().try_for_each(|name| AtomicFile::create(folder.join(name)).map(drop))?;

@@ -30,8 +30,7 @@ pub struct Files {
     #[arg(long, value_name = "N", value_parser = positive_count::<NonZeroU64>)]
     pub frames: Option<NonZeroU64>,
 
-    /// Write view.html, a page that plays the motion in any browser; without --frames, of about 300 frames, or as many as take a
-    /// gigabyte on the way
+    /// Write view.html, a page that plays the motion in any browser; without --frames, of about 300 frames, or as many as take a gigabyte on the way
     #[arg(long)]
     pub view: bool,
 }

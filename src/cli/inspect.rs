@@ -17,12 +17,11 @@ use std::sync::Arc;
 
 /// Say whether A is positive definite, which springs spoil it, and which step is safe
 ///
-/// Counts the signs of the eigenvalues of A = M/dt² − G/dt − K, finds λ_min, λ_max and the condition number, the largest time
-/// step for which A is positive definite, the largest for which linearised backward Euler is stable and the largest that turns
-/// no spring too far, under each stiffness option, and the springs behind every direction of negative curvature. All of this is
-/// about one state. Whether A is positive definite, and the spring that spoils it most, is said first, on stderr. With --steps it
-/// follows so many steps of linearised backward Euler, says after which step definiteness, stability, turning and energy were
-/// lost first, and looks at the state at the end. Writes inspect.html and its pictures.
+/// Counts the signs of the eigenvalues of A = M/dt² − G/dt − K, finds λ_min, λ_max and the condition number, the largest time step for which A is
+/// positive definite, the largest for which linearised backward Euler is stable and the largest that turns no spring too far, under each stiffness
+/// option, and the springs behind every direction of negative curvature. All of this is about one state. Whether A is positive definite, and the
+/// spring that spoils it most, is said first, on stderr. With --steps it follows so many steps of linearised backward Euler, says after which step
+/// definiteness, stability, turning and energy were lost first, and looks at the state at the end. Writes inspect.html and its pictures.
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub struct Inspect {

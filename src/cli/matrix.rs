@@ -14,11 +14,10 @@ use std::path::Path;
 
 /// Write the matrices of a step as Matrix Market files
 ///
-/// Assembles A δx = b of the linearised backward Euler step at the initial state, after --steps, or at the state of a file, with
-/// A = M/dt² − G/dt − K, over the free degrees of freedom, ordered by particle, then axis. Writes A.mtx (N/m), M.mtx (kg), G.mtx (N·s/m), K.mtx (N/m) and
-/// b.mtx (N), and dofs.csv, which says for every row its particle and axis, counted from 0. Of the symmetric matrices the
-/// lower triangle is written. G and K are negative semidefinite where nothing is compressed; prescribed motion has been
-/// moved to b.
+/// Assembles A δx = b of the linearised backward Euler step at the initial state, after --steps, or at the state of a file, with A = M/dt² − G/dt −
+/// K, over the free degrees of freedom, ordered by particle, then axis. Writes A.mtx (N/m), M.mtx (kg), G.mtx (N·s/m), K.mtx (N/m) and b.mtx (N), and
+/// dofs.csv, which says for every row its particle and axis, counted from 0. Of the symmetric matrices the lower triangle is written. G and K are
+/// negative semidefinite where nothing is compressed; prescribed motion has been moved to b.
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub struct Matrix {

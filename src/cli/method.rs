@@ -25,11 +25,10 @@ pub struct MethodArguments {
     #[arg(long, value_name = "R", value_parser = fraction, conflicts_with_all = ["rtol", "steps"])]
     accuracy: Option<f64>,
 
-    /// Adaptive steps that keep local errors of positions and velocities so small that positions at the end are wrong by at most about R
-    /// times their distance from their centroid, as a rule by much less, unless the motion itself magnifies differences, as folding and
-    /// toppling do: the run warns of that. --dt is then the first step to try and the interval of records, which --frames counts.
-    /// For methods with an error estimate: bdf2, w2, rodas4, dop853 [default: 1e-2 where no dt is given, neither here nor in the
-    /// scene, with 300 records, whatever the duration]
+    /// Adaptive steps that keep local errors of positions and velocities so small that positions at the end are wrong by at most about R times their
+    /// distance from their centroid, as a rule by much less, unless the motion itself magnifies differences, as folding and toppling do: the run
+    /// warns of that. --dt is then the first step to try and the interval of records, which --frames counts. For methods with an error estimate:
+    /// bdf2, w2, rodas4, dop853 [default: 1e-2 where no dt is given, neither here nor in the scene, with 300 records, whatever the duration]
     #[arg(long, value_name = "R", value_parser = fraction)]
     rtol: Option<f64>,
 

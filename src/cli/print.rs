@@ -66,8 +66,7 @@ fn write(scene: &Scene, file: &Path) -> Result<(), Error> {
 
 /// Print a script that completes commands and options in a shell
 ///
-/// For example `sprung completions bash > ~/.local/share/bash-completion/completions/sprung`, or
-/// `sprung completions zsh > "${fpath[1]}/_sprung"`.
+/// For example `sprung completions bash > ~/.local/share/bash-completion/completions/sprung`, or `sprung completions zsh > "${fpath[1]}/_sprung"`.
 #[derive(Debug, clap::Args)]
 pub struct Completions {
     /// The shell

@@ -36,8 +36,7 @@ pub struct Run {
     #[command(flatten)]
     scene: SceneFile,
 
-    /// Time step, in seconds [default: the scene's time.dt; without one steps are adaptive, see --rtol, or 0.01 for methods that
-    /// have none]
+    /// Time step, in seconds [default: the scene's time.dt; without one steps are adaptive, see --rtol, or 0.01 for methods that have none]
     #[arg(long, value_name = "S", value_parser = positive)]
     dt: Option<f64>,
 

@@ -14,11 +14,10 @@ use std::sync::Arc;
 
 /// Check the program on scenes: derivatives, solvers, definiteness, conservation, convergence, failure
 ///
-/// Holds forces to their energy, matrices to the forces, steps to their equations, solvers to each other and methods to
-/// their order, each number to a bound that an analysis gives, and writes report.html, report.json and junit.xml. A
-/// scene's own dt is used; a scene without one is checked at a step that resolves its vibrations. What the numbers of a scene
-/// do not allow to be judged, as where a particle is so far away that its spring is lost in the rounding of coordinates, is said
-/// with the reason, and counts neither as passed nor as failed.
+/// Holds forces to their energy, matrices to the forces, steps to their equations, solvers to each other and methods to their order, each number to a
+/// bound that an analysis gives, and writes report.html, report.json and junit.xml. A scene's own dt is used; a scene without one is checked at a
+/// step that resolves its vibrations. What the numbers of a scene do not allow to be judged, as where a particle is so far away that its spring is
+/// lost in the rounding of coordinates, is said with the reason, and counts neither as passed nor as failed.
 #[derive(Debug, clap::Args)]
 pub struct Verify {
     /// The scenes: TOML, JSON or NumPy (.npz) files [default: the built-in ones]

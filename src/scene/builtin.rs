@@ -180,8 +180,7 @@ pub fn cloth(size: usize) -> Result<Scene> {
     Ok(Kind::Cloth.scene(positions, pairs, [0.0005, 1250.0, 0.05], held, 2.0))
 }
 
-/// A block of `size` × `size` × `size` particles, 1 cm apart, held at its face x = 0: a cantilever of firm jelly that
-/// bends under its weight.
+/// A block of `size` × `size` × `size` particles, 1 cm apart, held at its face x = 0: a cantilever of firm jelly that bends under its weight.
 ///
 /// Structural springs join neighbours, others the diagonals of the faces of every cell. All have k = 4 N and
 /// b = 0.002 N·s/m; 1000 kg/m³ make 1 g a particle. For 1 s. Particle (i, j, l) has number (i·size + j)·size + l.
@@ -240,9 +239,8 @@ pub fn pendulum(size: usize) -> Result<Scene> {
 
 /// A string of `size` particles in the plane, stretched by 10 % between two held ends and struck in its lowest mode.
 ///
-/// It is 1 m long with 10 g/m and k = 10 N, which makes a tension of 1 N and waves of 10 m/s: a period of 0.2 s. There
-/// is no gravity and no damping. The initial velocity is 0.5 m/s·sin(πs) across the string, which deflects it by
-/// 16 mm. For two periods.
+/// It is 1 m long with 10 g/m and k = 10 N, which makes a tension of 1 N and waves of 10 m/s: a period of 0.2 s. There is no gravity and no damping.
+/// The initial velocity is 0.5 m/s·sin(πs) across the string, which deflects it by 16 mm. For two periods.
 pub fn string(size: usize) -> Result<Scene> {
     Kind::String.check_size(size)?;
     let last = size + 1;

@@ -54,8 +54,7 @@ impl Scene {
         Ok(scene.complete("scene")?)
     }
 
-    /// Reads a scene from [arrays](Self::write_npz), with the errors of [`load`](Self::load). Without a name in its text it is called
-    /// `scene`.
+    /// Reads a scene from [arrays](Self::write_npz), with the errors of [`load`](Self::load). Without a name in its text it is called `scene`.
     pub fn from_npz(file: impl std::io::Read + std::io::Seek) -> Result<Self> {
         Ok(npz::read(file, Path::new("NPZ"), parse_json)?.complete("scene")?)
     }

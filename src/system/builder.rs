@@ -103,8 +103,7 @@ impl SystemBuilder {
         self.constrain(Constraint::hold([particle]))
     }
 
-    /// Checks all values and returns the system and its state at time zero. Prescribed coordinates have the position and velocity of their
-    /// motion.
+    /// Checks all values and returns the system and its state at time zero. Prescribed coordinates have the position and velocity of their motion.
     ///
     /// # Errors
     /// [`Invalid`] for the first value that breaks a rule of the scene format, with its key and index.

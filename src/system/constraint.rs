@@ -252,8 +252,7 @@ impl Prescribed {
         }
     }
 
-    /// Sets the prescribed components of full-length velocities to the mean velocity from `positions` to the position at time t within
-    /// dt seconds.
+    /// Sets the prescribed components of full-length velocities to the mean velocity from `positions` to the position at time t within dt seconds.
     pub fn set_mean_velocities(&self, t: f64, dt: f64, positions: &[Vector3<f64>], velocities: &mut [Vector3<f64>]) {
         for (particle, axis, target) in self.targets(t) {
             velocities[particle][axis] = (target - positions[particle][axis]) / dt;
