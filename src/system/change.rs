@@ -185,6 +185,8 @@ mod tests {
         assert_eq!((system.pairs(), system.elastic_energy(0, &at, 0.0)), (&[[2, 3]][..], 2.0));
         let spring = system.spring_at(0, 1.5, 0.0);
         assert_eq!(spring.stiffness * (1.5 / spring.rest_length - 1.0), 2.0);
+        // The tangent: k = T' l − T and l0 = k/T'.
+        assert_eq!((spring.stiffness, spring.rest_length), (-0.5, -0.5));
     }
 
     #[test]
