@@ -4,7 +4,7 @@ use super::accuracy;
 use super::common::{At, LoadedScene, Process, SceneFile, positive, positive_count, whole};
 use super::console::{Console, error, help, number};
 use super::files::{Files, Recorder};
-use super::method::{MethodArguments, arguments_of};
+use super::method::{MethodArguments, arguments_of, preconditioner_name};
 use super::resume::{Checkpoints, Earlier, Ended, NOT_GIVEN, OTHER_OPTIONS, Parts};
 use super::summary::SummaryText;
 use super::threads::end_in_order;
@@ -12,7 +12,7 @@ use super::{Exit, Stop};
 use sprung::accuracy::AccuracyOptions;
 use sprung::inspect::Inspection;
 use sprung::integrate::{ImplicitOptions, Schedule, Status, StiffnessPolicy};
-use sprung::linear::{PreconditionerKind, Tolerance};
+use sprung::linear::Tolerance;
 use sprung::output::{
     Checkpoint, ChoiceReport, EnergyLog, FailedStep, FailureReport, Frames, OutputFolder, RunRecord, Summary, WAITING,
     clear_frames, clear_frames_after, fingerprint, write_final_state,
@@ -275,7 +275,7 @@ impl Run {
             ("--rtol", some(rtol.map(|rtol| format!("{rtol:?}")))),
             ("--stiffness", stiffness.name().to_owned()),
             ("--solver", linear.solver.name().to_owned()),
-            ("--preconditioner", linear.preconditioner.map_or("auto", PreconditionerKind::name).to_owned()),
+            ("--preconditioner", preconditioner_name(linear.preconditioner).to_owned()),
             ("--tolerance", tolerance),
             ("--frames", some(self.files.frames.map(|frames| frames.to_string()))),
             ("--view", given(self.files.view)),

@@ -43,45 +43,38 @@ impl Kind {
 
     /// The kind's name, also that of its scenes.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Chain => "chain",
-            Self::Cloth => "cloth",
-            Self::Lattice => "lattice",
-            Self::Column => "column",
-            Self::Pendulum => "pendulum",
-            Self::String => "string",
-            Self::Network => "network",
-        }
+        self.figures().0
     }
 
     /// A size that shows the kind's behaviour and runs in a moment.
     pub fn default_size(self) -> usize {
-        match self {
-            Self::Chain | Self::Cloth => 20,
-            Self::Lattice => 8,
-            Self::Column => 9,
-            Self::Pendulum => 1,
-            Self::String => 31,
-            Self::Network => 60,
-        }
+        self.figures().1
     }
 
     /// The valid sizes: up to about 10⁶ particles.
     pub fn sizes(self) -> RangeInclusive<usize> {
+        1..=self.figures().2
+    }
+
+    /// Name, default size and largest size.
+    fn figures(self) -> (&'static str, usize, usize) {
         match self {
-            Self::Cloth | Self::Pendulum => 1..=1000,
-            Self::Lattice => 1..=100,
-            Self::Chain | Self::Column | Self::String | Self::Network => 1..=1_000_000,
+            Self::Chain => ("chain", 20, 1_000_000),
+            Self::Cloth => ("cloth", 20, 1000),
+            Self::Lattice => ("lattice", 8, 100),
+            Self::Column => ("column", 9, 1_000_000),
+            Self::Pendulum => ("pendulum", 1, 1000),
+            Self::String => ("string", 31, 1_000_000),
+            Self::Network => ("network", 60, 1_000_000),
         }
     }
 
     fn check_size(self, size: usize) -> Result<()> {
-        let sizes = self.sizes();
-        if sizes.contains(&size) {
+        let (name, _, most) = self.figures();
+        if (1..=most).contains(&size) {
             return Ok(());
         }
-        let (name, least, most) = (self.name(), sizes.start(), sizes.end());
-        Err(Error::Scene(format!("size {size}: a {name} can have a size from {least} to {most}")))
+        Err(Error::Scene(format!("size {size}: a {name} can have a size from 1 to {most}")))
     }
 
     /// A scene under gravity with equal masses, in kg, stiffnesses, in N, and dampings, in N·s/m; rest lengths are the distances.
