@@ -112,7 +112,6 @@ impl Error {
     }
 }
 
-/// An error unless a vector has the expected length.
 pub(crate) fn check_length(name: &str, found: usize, expected: usize) -> Result<()> {
     if found == expected {
         return Ok(());
@@ -163,14 +162,6 @@ fn shortened(text: &str) -> std::borrow::Cow<'_, str> {
 /// A value that breaks a rule: file, key, index, value and the rule.
 ///
 /// Displays as `scene.toml: particles.masses[3] = -1: must be finite and positive`.
-///
-/// # Examples
-/// ```
-/// use sprung::error::Invalid;
-///
-/// let invalid = Invalid::new("particles.masses", -1, "must be finite and positive").at(3);
-/// assert_eq!(invalid.to_string(), "particles.masses[3] = -1: must be finite and positive");
-/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Invalid {
     /// The file, where there is one.

@@ -4,9 +4,9 @@
 //! it is allocated. The room is the memory of the machine, the limit of the process's control groups or that on its address space (`ulimit -v`), less
 //! what the process holds. Other processes do not count, so that runs are repeatable. Where `/proc` says nothing there is no limit.
 //!
-//! The first product of dense blocks by faer on a thread takes a workspace of twice the machine's last-level caches, keeps it as long as the thread
-//! lives, and ends the process where it cannot have it. Hardly any of it is touched, so it counts against a limit on the address space alone. Where
-//! there is one, every thread of the pool takes its workspace when a factorization is set up, after a check: a lack of it is an error like any other.
+//! The first product of dense blocks by faer on a thread takes a workspace of twice the machine's last-level caches for good, and ends the process
+//! where it cannot have it. Hardly any of it is touched, so it counts against a limit on the address space alone. Where there is one, every thread of
+//! the pool takes its workspace when a factorization is set up, after a check.
 
 use crate::error::{Error, Result};
 use faer::{Accum, Mat, Par};
@@ -33,14 +33,6 @@ pub fn room() -> u64 {
 ///
 /// # Errors
 /// [`Error::TooLarge`] with the bytes needed and the room there is.
-///
-/// # Examples
-/// ```
-/// use sprung::memory::ensure;
-///
-/// assert!(ensure(1000, "a kilobyte").is_ok());
-/// assert!(ensure(u64::MAX, "more than there is").is_err());
-/// ```
 pub fn ensure(bytes: u64, what: &'static str) -> Result<()> {
     #[cfg(test)]
     watch::note(bytes, what);
@@ -65,7 +57,6 @@ pub(crate) fn ensure_with_dense_products(bytes: u64, what: &'static str) -> Resu
     if fits { Ok(()) } else { Err(Error::TooLarge { what, bytes, room: room() }) }
 }
 
-/// A list of `value`, if there is room for it.
 pub(crate) fn filled<T: Clone>(value: T, length: usize, what: &'static str) -> Result<Vec<T>> {
     let bytes = (length as u64).saturating_mul(size_of::<T>() as u64);
     ensure(bytes, what)?;
@@ -118,7 +109,6 @@ fn group_limits(groups: &str, read: impl Fn(&Path) -> Option<String>) -> Option<
     lowest.filter(|&limit| limit < 1 << 60)
 }
 
-/// The limit on the address space.
 fn address_space() -> Option<u64> {
     static ADDRESS_SPACE: OnceLock<Option<u64>> = OnceLock::new();
     *ADDRESS_SPACE.get_or_init(|| {
@@ -128,7 +118,6 @@ fn address_space() -> Option<u64> {
     })
 }
 
-/// Bytes of address space and of memory held.
 fn held() -> [u64; 2] {
     let status = read_to_string("/proc/self/status").unwrap_or_default();
     ["VmSize:", "VmRSS:"].map(|key| {
@@ -177,7 +166,6 @@ fn take_workspace() -> bool {
     true
 }
 
-/// Bytes of a thread's workspace.
 fn workspace_bytes() -> u64 {
     static BYTES: OnceLock<u64> = OnceLock::new();
     *BYTES.get_or_init(|| twice_the_last_level(caches(Path::new("/sys/devices/system/cpu"))))

@@ -74,14 +74,6 @@ pub const DEFAULT_STEP: f64 = 0.01;
 pub const RECORDS: u32 = 300;
 
 /// The interval at which an adaptive run of `duration` seconds is recorded, in s: `duration/RECORDS`, whatever the time scale.
-///
-/// # Examples
-/// ```
-/// use sprung::plan::records_every;
-///
-/// assert!((records_every(30.0) - 0.1).abs() < 1e-15);
-/// assert!((records_every(3e-9) - 1e-11).abs() < 1e-25);
-/// ```
 pub fn records_every(duration: f64) -> f64 {
     duration / f64::from(RECORDS)
 }

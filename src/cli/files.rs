@@ -13,7 +13,6 @@ use sprung::{Result, State, System};
 use std::num::NonZeroU64;
 use std::path::Path;
 
-/// Files that every run writes.
 pub const FILES: [&str; 3] = ["summary.json", "final.json", "energy.csv"];
 
 /// Optional files of a run.
@@ -80,13 +79,11 @@ impl Files {
         self.frames.or_else(|| self.view.then(smooth))
     }
 
-    /// The files of an earlier run in a folder that this one removes.
     pub fn removed(&self, folder: &Path) -> Vec<&'static str> {
         let files = self.optional().into_iter().filter(|(name, is_kept)| !is_kept && folder.join(name).exists());
         files.map(|(name, _)| name).collect()
     }
 
-    /// Removes files of an earlier run that this one does not replace.
     pub fn remove_older(&self, folder: &OutputFolder) -> Result<()> {
         if self.frames.is_none() {
             clear_frames(folder)?;

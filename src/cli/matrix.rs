@@ -134,7 +134,6 @@ impl Matrix {
     }
 }
 
-/// The name of the first part of the linear system that is not finite.
 fn not_finite(matrices: &StepMatrices) -> Option<&'static str> {
     let StepMatrices { a, m, g, k, b } = matrices;
     let parts = [("M", m.as_slice()), ("G", g.values()), ("K", k.values()), ("A", a.values()), ("b", b)];

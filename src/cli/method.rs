@@ -101,7 +101,6 @@ pub fn preconditioner_name(preconditioner: Preconditioner) -> &'static str {
     preconditioner.map_or("auto", PreconditionerKind::name)
 }
 
-/// The arguments that select the method, stiffness and solver of a plan.
 pub fn arguments_of(plan: &Plan) -> String {
     let Configuration { method, options } = &plan.configuration;
     let (stiffness, solver) = (options.stiffness.name(), options.linear.solver.name());

@@ -62,7 +62,6 @@ pub enum Exit {
     Failed,
 }
 
-/// Why a command could not start or finish.
 #[derive(Debug)]
 pub enum Stop {
     /// The input or an argument cannot be used; nothing was written.

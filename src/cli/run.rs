@@ -224,7 +224,6 @@ impl Run {
         Ok(summary)
     }
 
-    /// Removes files of an earlier run that this one writes again.
     fn remove_replaced(&self, folder: &OutputFolder, from: Option<&Checkpoint>) -> Result<()> {
         if let Some(checkpoint) = from {
             Checkpoint::reopen(folder)?;

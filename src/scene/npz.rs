@@ -138,7 +138,6 @@ impl Scene {
     }
 }
 
-/// An array whose header has been read.
 struct Array<R: Read>(NpyFile<R>);
 
 /// Opens an array of the zip. Its header is checked before npyz parses it, and the bytes it promises must be there.
@@ -283,7 +282,6 @@ impl<W: Write> Write for FailsOnce<W> {
     }
 }
 
-/// A zip of arrays, written from front to back.
 pub(crate) struct NpzWriter<W: Write>(ZipWriter<StreamWriter<FailsOnce<W>>>);
 
 impl<W: Write> NpzWriter<W> {

@@ -265,7 +265,6 @@ fn check_energies(system: &System, state: &State) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// An error unless the parameters of a spring are valid.
 pub(super) fn check_spring(number: usize, spring: &Spring) -> Result<(), Invalid> {
     check_positive("springs.stiffness", number, spring.stiffness)?;
     for (key, value) in [("springs.rest_lengths", spring.rest_length), ("springs.damping", spring.damping)] {

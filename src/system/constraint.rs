@@ -21,7 +21,6 @@ pub enum Motion {
 }
 
 impl Motion {
-    /// The times of its kinks, in s.
     fn kinks(&self) -> &[f64] {
         match self {
             Self::Held | Self::Velocity(_) => &[],
@@ -146,7 +145,6 @@ impl Prescribed {
         Self { motions, coordinates, kinks: self.kinks.clone() }
     }
 
-    /// These without some coordinates.
     pub(super) fn without(mut self, is_removed: impl Fn(&Dof) -> bool) -> Self {
         self.coordinates.retain(|c| !is_removed(&c.dof));
         self
@@ -168,7 +166,6 @@ impl Prescribed {
         self
     }
 
-    /// Sets the times at which gravity or rest lengths have kinks.
     pub(super) fn set_load_kinks(&mut self, mut times: Vec<f64>) {
         times.sort_by(f64::total_cmp);
         times.dedup();

@@ -183,7 +183,6 @@ impl System {
         self.spring_with(LawValues::NONE, number, length, time)
     }
 
-    /// As [`spring_at`](Self::spring_at), with the law values of this configuration.
     #[inline]
     pub(crate) fn spring_with(&self, values: &LawValues, number: usize, length: f64, time: f64) -> Spring {
         let spring = self.spring_then(number, time);
@@ -223,7 +222,6 @@ impl System {
         self.law_values_of(length, time)
     }
 
-    /// As [`law_values`](Self::law_values), from the length of each spring.
     pub(crate) fn law_values_of(&self, length: impl Fn(usize) -> f64, time: f64) -> LawValues {
         let Some(law) = self.law.as_ref().filter(|law| law.is_asked_at_once()) else { return LawValues::default() };
         let numbers = 0..self.springs.len();
@@ -245,12 +243,10 @@ impl System {
         self.elastic_energy_with(LawValues::NONE, number, at, time)
     }
 
-    /// As [`elastic_energy`](Self::elastic_energy), with the law values of this configuration.
     pub(crate) fn elastic_energy_with(&self, values: &LawValues, number: usize, at: &Extension, time: f64) -> f64 {
         self.elastic_energy_of(values, number, &self.spring_then(number, time), at)
     }
 
-    /// The elastic energy of a spring with these parameters, in J.
     pub(crate) fn elastic_energy_of(&self, values: &LawValues, number: usize, spring: &Spring, at: &Extension) -> f64 {
         match &self.law {
             Some(law) => values.get(number).map_or_else(|| law.energy(number, spring, at.length), |value| value.energy),
@@ -313,7 +309,6 @@ impl System {
         self.active_from(0)
     }
 
-    /// The active springs from position `first` on.
     #[inline]
     pub(crate) fn active_from(&self, first: usize) -> impl ExactSizeIterator<Item = (usize, [usize; 2], &Spring)> + '_ {
         let springs = self.active.get(first..).unwrap_or_default();
@@ -331,7 +326,6 @@ impl System {
     }
 }
 
-/// Indices of the springs with a free end.
 fn active_springs(pairs: &[[u32; 2]], dofs: &DofMap) -> Vec<u32> {
     let is_free = |&p: &u32| dofs.free_axes(p as usize) != Axes::NONE;
     (0u32..).zip(pairs).filter(|(_, pair)| pair.iter().any(is_free)).map(|(s, _)| s).collect()

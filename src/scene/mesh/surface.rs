@@ -96,7 +96,6 @@ pub fn read_ply(bytes: &[u8]) -> Result<Raw, Fault> {
         let Element { name, count, properties } = element;
         let index = |names: &[&str]| properties.iter().position(|p| names.contains(&p.name.as_str()));
         let required = |property: &str| index(&[property]).ok_or_else(|| Fault(format!("{name} has no {property}")));
-        // The columns of coordinates or of the ends of an edge.
         let columns = match name.as_str() {
             "vertex" => vec![required("x")?, required("y")?, index(&["z"]).unwrap_or(usize::MAX)],
             "edge" => vec![required("vertex1")?, required("vertex2")?],
