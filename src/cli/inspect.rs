@@ -1,9 +1,9 @@
 //! `sprung inspect`: is A positive definite, which springs spoil it, and which step is safe?
 
+use super::Stop;
 use super::common::{At, LoadedScene, Process, SceneFile, advance, choice, claim, positive, whole};
-use super::console::{Console, PARTS, error, number};
+use super::console::{Console, PARTS, number};
 use super::threads::{end_in_order, is_interrupted};
-use super::{Exit, Stop};
 use faer::Par;
 use sprung::inspect::{AFFORDABLE, FirstLosses, Follower, Inspection, Part, Pictures};
 use sprung::integrate::RunFailure;
@@ -69,7 +69,7 @@ struct Followed {
 }
 
 impl Inspect {
-    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         let mut scene = self.at.place(self.scene.load(console)?)?;
         let dt = scene.step_or_default(console, self.dt);
         let folder = self.process.folder(&scene);
@@ -108,14 +108,13 @@ impl Inspect {
         console.result(&report, format!("{text}\n  pictures     {}", folder.join("inspect.html").display()))?;
         if let Some(RunFailure { step, time, failure }) = failure {
             let time = number(time);
-            error(format_args!("{} in step {step}, at t = {time} s: {failure}", failure.status().name()));
-            return Ok(Exit::Failed);
+            let status = failure.status().name();
+            return Err(Stop::Computation(format!("{status} in step {step}, at t = {time} s: {failure}")));
         }
         if is_interrupted() {
-            error("interrupted: what was not looked at is left out");
-            return Ok(Exit::Failed);
+            return Err(Stop::Computation("interrupted: what was not looked at is left out".into()));
         }
-        Ok(Exit::Done)
+        Ok(())
     }
 
     /// Inspects the state and draws it; after an interruption, returns what is known by then.

@@ -1,9 +1,9 @@
 //! `sprung matrix`: the linear system of a step as Matrix Market files.
 
+use super::Stop;
 use super::common::{At, LoadedScene, Process, SceneFile, advance, choice, claim, positive, whole};
 use super::console::{Console, count, number};
 use super::threads::{end_in_order, is_interrupted};
-use super::{Exit, Stop};
 use serde_json::json;
 use sprung::assembly::SymmetricMatrix;
 use sprung::integrate::{Outcome, StepMatrices};
@@ -53,7 +53,7 @@ const STIFFNESSES: [(Stiffness, &str); 4] = [
 const FILES: [&str; 6] = ["A.mtx", "M.mtx", "G.mtx", "K.mtx", "b.mtx", "dofs.csv"];
 
 impl Matrix {
-    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         let mut scene = self.at.place(self.scene.load(console)?)?;
         let dt = scene.step_or_default(console, self.dt);
         if self.steps > 0 {
@@ -77,8 +77,7 @@ impl Matrix {
             return Err(Stop::Computation("interrupted: not every matrix was written".into()));
         }
         written.map_err(Stop::Broken)?;
-        self.report(console, &scene, &matrices, dt, &folder)?;
-        Ok(Exit::Done)
+        self.report(console, &scene, &matrices, dt, &folder)
     }
 
     fn advance(&self, console: &Console, scene: &mut LoadedScene, dt: f64) -> Result<(), Stop> {

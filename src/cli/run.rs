@@ -1,5 +1,6 @@
 //! `sprung run`: simulate a scene.
 
+use super::Stop;
 use super::accuracy;
 use super::common::{At, LoadedScene, Process, SceneFile, positive, positive_count, whole};
 use super::console::{Console, error, help, number};
@@ -8,7 +9,6 @@ use super::method::{MethodArguments, arguments_of, preconditioner_name};
 use super::resume::{Checkpoints, Earlier, Ended, NOT_GIVEN, OTHER_OPTIONS, Parts};
 use super::summary::SummaryText;
 use super::threads::end_in_order;
-use super::{Exit, Stop};
 use sprung::accuracy::AccuracyOptions;
 use sprung::inspect::Inspection;
 use sprung::integrate::{ImplicitOptions, Schedule, Status, StiffnessPolicy};
@@ -89,7 +89,7 @@ struct Pacing {
 }
 
 impl Run {
-    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         let scene = self.at.place(self.scene.load(console)?)?;
         let summary = if let Some(options) = self.accuracy_options(&scene)? {
             if self.checkpoint.is_some() {
@@ -103,7 +103,7 @@ impl Run {
             self.method.note_unused(console, pacing.rtol);
             self.process.threads.install(|| self.simulate(console, &scene, pacing))?
         };
-        Ok(if summary.status == Status::Completed { Exit::Done } else { Exit::Failed })
+        if summary.status == Status::Completed { Ok(()) } else { Err(Stop::Reported) }
     }
 
     /// The required accuracy, if any. The answer is recorded at multiples of dt, where there is one.

@@ -1,9 +1,9 @@
 //! `sprung verify`: the verification suite on scenes.
 
+use super::Stop;
 use super::common::{claim, folder_of, read_scene};
-use super::console::{Console, error};
+use super::console::Console;
 use super::threads::Threads;
-use super::{Exit, Stop};
 use serde_json::Value;
 use sprung::Error;
 use sprung::output::write_report;
@@ -35,7 +35,7 @@ pub struct Verify {
 const FILES: [&str; 3] = ["report.html", "report.json", "junit.xml"];
 
 impl Verify {
-    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         let cases = self.cases()?;
         let name = match &cases[..] {
             [case] => &case.name,
@@ -54,10 +54,10 @@ impl Verify {
         let text = format!("{}report: {}", report::text(&results), folder.join(FILES[0]).display());
         console.result(&json, text)?;
         if !is_complete {
-            error("interrupted: the report has the checks that were made until then");
-            return Ok(Exit::Failed);
+            let message = "interrupted: the report has the checks that were made until then";
+            return Err(Stop::Computation(message.into()));
         }
-        Ok(if results.all_passed() { Exit::Done } else { Exit::Failed })
+        if results.all_passed() { Ok(()) } else { Err(Stop::Reported) }
     }
 
     fn cases(&self) -> Result<Vec<TestCase>, Error> {

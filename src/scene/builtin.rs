@@ -110,17 +110,6 @@ impl Kind {
 ///
 /// # Errors
 /// [`Error::Scene`] for a size outside [`Kind::sizes`].
-///
-/// # Examples
-/// ```
-/// use sprung::scene::{Kind, builtin};
-///
-/// let scene = builtin(Kind::Cloth, 10)?;
-/// let (system, _) = scene.build()?;
-/// assert_eq!(system.particles(), 100);
-/// assert!(builtin(Kind::Cloth, 0).is_err());
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub fn builtin(kind: Kind, size: usize) -> Result<Scene> {
     match kind {
         Kind::Chain => chain(size),
@@ -138,20 +127,19 @@ fn links(count: usize) -> Vec<[u32; 2]> {
     (0..count as u32).map(|i| [i, i + 1]).collect()
 }
 
-/// A chain of `size` links of 5 cm and 10 g, held at one end and let go from the horizontal.
-///
-/// k = 100 N, so that a link stretches by 0.1 % for each link below it; b = 0.02 N·s/m; for 2 s.
+/// A chain of `size` links of 5 cm and 10 g, held at one end and let go from the horizontal, for 2 s. k = 100 N, so that a link stretches by 0.1 % for
+/// each link below it; b = 0.02 N·s/m.
 pub fn chain(size: usize) -> Result<Scene> {
     Kind::Chain.check_size(size)?;
     let positions = (0..=size).map(|i| [i as f64 / 20.0, 0.0, 0.0].into());
     Ok(Kind::Chain.scene(positions, links(size), [0.01, 100.0, 0.02], [0], 2.0))
 }
 
-/// A square cloth of `size` × `size` particles, 5 cm apart, that swings down from two corners.
+/// A square cloth of `size` × `size` particles, 5 cm apart, that swings down from two corners, for 2 s. Particle (row, column) has number
+/// row·size + column.
 ///
-/// Structural springs join neighbours, shear springs the diagonals, bend springs every second particle. All are of
-/// the same thread, k = 1250 N, with b = 0.05 N·s/m; 0.2 kg/m² make 0.5 g a particle. For 2 s; (k/l0)·dt²/m is
-/// 5000 for the structural springs and steps of 10 ms. Particle (row, column) has number row·size + column.
+/// Structural springs join neighbours, shear springs the diagonals, bend springs every second particle, all with k = 1250 N and b = 0.05 N·s/m. A
+/// particle has 0.5 g, of 0.2 kg/m²; (k/l0)·dt²/m is 5000 for the structural springs and steps of 10 ms.
 pub fn cloth(size: usize) -> Result<Scene> {
     Kind::Cloth.check_size(size)?;
     let particle = |[row, column]: [usize; 2]| (row < size && column < size).then_some((row * size + column) as u32);
@@ -175,8 +163,8 @@ pub fn cloth(size: usize) -> Result<Scene> {
 
 /// A block of `size` × `size` × `size` particles, 1 cm apart, held at its face x = 0: a cantilever of firm jelly that bends under its weight.
 ///
-/// Structural springs join neighbours, others the diagonals of the faces of every cell. All have k = 4 N and
-/// b = 0.002 N·s/m; 1000 kg/m³ make 1 g a particle. For 1 s. Particle (i, j, l) has number (i·size + j)·size + l.
+/// Structural springs join neighbours, others the diagonals of the faces of every cell, all with k = 4 N and b = 0.002 N·s/m; 1000 kg/m³ make 1 g a
+/// particle. For 1 s. Particle (i, j, l) has number (i·size + j)·size + l.
 pub fn lattice(size: usize) -> Result<Scene> {
     /// Half of the neighbours: the others follow by symmetry.
     const OFFSETS: [[isize; 3]; 9] =
@@ -199,10 +187,8 @@ pub fn lattice(size: usize) -> Result<Scene> {
 
 /// A column of `size` joints between two held ends, its links compressed by 5 %: it buckles into a zigzag.
 ///
-/// The links are 9.5 cm long and 10 cm at rest, with k = 1000 N and b = 1 N·s/m; a joint has 0.1 kg. Nothing braces it
-/// sideways: each joint is 0.1 mm off the axis, alternately in x and in −x, so that buckling does not wait for rounding.
-///
-/// With c = k (1/l − 1/l0) = 526 N/m the matrix with the whole stiffness is definite up to about
+/// The links are 9.5 cm long and 10 cm at rest, with k = 1000 N and b = 1 N·s/m; a joint has 0.1 kg, and is 0.1 mm off the axis, alternately in x and
+/// in −x, so that buckling does not wait for rounding. With c = k (1/l − 1/l0) = 526 N/m the matrix with the whole stiffness is definite up to about
 /// dt = sqrt(m/(c (2 + 2 cos(π/(size + 1))))) ≥ 6.9 ms and indefinite beyond. For 0.5 s.
 pub fn column(size: usize) -> Result<Scene> {
     Kind::Column.check_size(size)?;
@@ -250,9 +236,8 @@ pub fn string(size: usize) -> Result<Scene> {
 
 /// A random geometric graph of `size` particles in the unit cube, hung by its highest tenth: no two values are alike.
 ///
-/// A spring joins each two particles nearer than the radius within which 10 others are expected. Masses are 5 g to
-/// 15 g, stiffnesses 20 N to 60 N, dampings up to 0.05 N·s/m, and the springs are up to 10 % shorter or longer than at rest.
-/// Parts may be disconnected, and fall. The same seed gives the same scene. For 1 s.
+/// A spring joins each two particles nearer than the radius within which 10 others are expected. Masses are 5 g to 15 g, stiffnesses 20 N to 60 N,
+/// dampings up to 0.05 N·s/m, and the springs are up to 10 % shorter or longer than at rest. Parts may be disconnected, and fall. For 1 s.
 pub fn network(size: usize, seed: u64) -> Result<Scene> {
     Kind::Network.check_size(size)?;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -294,10 +279,9 @@ pub fn network(size: usize, seed: u64) -> Result<Scene> {
 
 /// The scene of a kind and its [default size](Kind::default_size), in a mesh of `size`: of the same extent, mass and elasticity.
 ///
-/// With s the ratio of the mesh widths, and in d dimensions (1 for chains, columns and strings, 2 for cloths, 3 for lattices), lengths
-/// are as s, masses as s^d, and of springs, which stand for the material around them, the stiffness k as s^(d − 1) and the damping b as
-/// s^(d − 2): forces per width, per area, are those of the same strains and strain rates. A mesh of N particles along a side has
-/// N − 1 widths; the particles at the edges have full masses, by which it is a little heavier than a continuum.
+/// With s the ratio of the mesh widths, and in d dimensions (1 for chains, columns and strings, 2 for cloths, 3 for lattices), lengths are as s, masses
+/// as s^d, and of springs, which stand for the material around them, the stiffness k as s^(d − 1) and the damping b as s^(d − 2). The particles at the
+/// edges have full masses, by which a mesh is a little heavier than a continuum.
 ///
 /// # Errors
 /// [`Error::Scene`] for a size outside [`Kind::sizes`], for a single particle, and for pendulums and networks, which are no meshes.

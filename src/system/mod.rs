@@ -30,24 +30,6 @@ use std::sync::Arc;
 ///
 /// A [`SystemBuilder`] checks every value, so a `System` is valid by construction. Vectors always have three components; in a planar or
 /// one-dimensional scene the absent ones are zero and have no degree of freedom.
-///
-/// # Examples
-/// ```
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, state) = builder.build()?;
-/// assert_eq!(system.active_springs(), [0]);
-/// // Three rows for the free particle.
-/// assert_eq!(system.dofs().rows(1), 0..3);
-/// // One more coordinate held.
-/// let line = system.with_held(&[sprung::system::Dof { particle: 1, axis: 2 }], &state.positions);
-/// assert_eq!(line.dofs().len(), 2);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone)]
 pub struct System {
     dimension: usize,

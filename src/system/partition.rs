@@ -83,12 +83,12 @@ impl System {
             communicator.halo_exchange(vectors);
         }
     }
+
     pub(crate) fn communicator(&self) -> Option<&dyn Communicator> {
         self.subdomain.as_ref().map(|subdomain| &*subdomain.communicator)
     }
 
-    /// One partition for each current thread, or fewer where the system has few springs; about as many springs end in each. They are
-    /// computed once for each number of threads.
+    /// One partition for each current thread, or fewer where there are few springs, in which about as many springs end; computed once for each number.
     pub(crate) fn all_partitions(&self) -> Arc<[ThreadPartition]> {
         let count = partition_count(self);
         let mut known = self.partitions.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -99,6 +99,7 @@ impl System {
         known.push((count, partitions.clone()));
         partitions
     }
+
     pub(crate) fn thread_partitions(&self) -> Option<Arc<[ThreadPartition]>> {
         (partition_count(self) > 1).then(|| self.all_partitions())
     }
