@@ -112,7 +112,6 @@ impl Error {
     }
 }
 
-/// An error unless a vector has the expected length.
 pub(crate) fn check_length(name: &str, found: usize, expected: usize) -> Result<()> {
     if found == expected {
         return Ok(());
@@ -131,13 +130,11 @@ pub(crate) fn significant(value: f64, digits: usize) -> String {
 
 /// `each of the 3 particles`, and `the only particle` of one.
 pub(crate) fn each(count: usize, of: &str) -> String {
-    match count {
-        1 => {
-            let (noun, rest) = of.split_at(of.find(' ').unwrap_or(of.len()));
-            format!("the only {}{rest}", noun.strip_suffix('s').unwrap_or(noun))
-        }
-        _ => format!("each of the {count} {of}"),
+    if count != 1 {
+        return format!("each of the {count} {of}");
     }
+    let (noun, rest) = of.split_at(of.find(' ').unwrap_or(of.len()));
+    format!("the only {}{rest}", noun.strip_suffix('s').unwrap_or(noun))
 }
 
 /// A size in kB, MB or GB.
@@ -165,14 +162,6 @@ fn shortened(text: &str) -> std::borrow::Cow<'_, str> {
 /// A value that breaks a rule: file, key, index, value and the rule.
 ///
 /// Displays as `scene.toml: particles.masses[3] = -1: must be finite and positive`.
-///
-/// # Examples
-/// ```
-/// use sprung::error::Invalid;
-///
-/// let invalid = Invalid::new("particles.masses", -1, "must be finite and positive").at(3);
-/// assert_eq!(invalid.to_string(), "particles.masses[3] = -1: must be finite and positive");
-/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Invalid {
     /// The file, where there is one.
@@ -237,22 +226,15 @@ mod tests {
     use super::{Error, Invalid, each, readable, significant};
 
     #[test]
-    fn small_and_large_numbers_are_readable() {
-        for (value, expected) in
-            [(-1e-300, "k = -1e-300: no"), (1e300, "k = 1e300: no"), (0.1234567890123456, "k = 0.1234567890123456: no")]
-        {
-            assert_eq!(Invalid::new("k", value, "no").to_string(), expected);
-        }
-    }
-
-    #[test]
     fn messages_fit_their_numbers() {
+        for (value, text) in [(-1e-300, "-1e-300"), (1e300, "1e300"), (0.1234567890123456, "0.1234567890123456")] {
+            assert_eq!(Invalid::new("k", value, "no").to_string(), format!("k = {text}: no"));
+        }
+        assert_eq!([999, 1_500_000, 3_400_000_000].map(readable), ["1.0 kB", "1.5 MB", "3.4 GB"]);
         let numbers = [0.1 + 0.2, 2e11, 4.1e-9, 8397.1772, 0.0, -1e-300].map(|value| significant(value, 3));
         assert_eq!(numbers, ["0.3", "2e11", "4.1e-9", "8400", "0", "-1e-300"]);
-        assert_eq!(
-            [1, 2].map(|count| each(count, "particles of the scene")),
-            ["the only particle of the scene", "each of the 2 particles of the scene"]
-        );
+        let particles = [1, 2].map(|count| each(count, "particles of the scene"));
+        assert_eq!(particles, ["the only particle of the scene", "each of the 2 particles of the scene"]);
         assert_eq!(Invalid::new("k", "", "must be given").to_string(), "k: must be given");
     }
 
@@ -267,10 +249,5 @@ mod tests {
         }
         let short = "x".repeat(600);
         assert_eq!(Error::Format { file: "f".into(), message: short.clone() }.to_string(), format!("f: {short}"));
-    }
-
-    #[test]
-    fn bytes_are_readable() {
-        assert_eq!([999, 1_500_000, 3_400_000_000].map(readable), ["1.0 kB", "1.5 MB", "3.4 GB"]);
     }
 }

@@ -1,14 +1,12 @@
 //! The memory that this process may take, limits included.
 //!
-//! A failed allocation ends the process, and one beyond the limit of a container gets it killed later. So what grows with a
-//! scene is checked before it is allocated. The room is the memory of the machine, the limit of the process's control groups
-//! or that on its address space (`ulimit -v`), less what the process holds. Other processes do not count, so that runs are
-//! repeatable. Where `/proc` says nothing there is no limit.
+//! A failed allocation ends the process, and one beyond the limit of a container gets it killed later. So what grows with a scene is checked before
+//! it is allocated. The room is the memory of the machine, the limit of the process's control groups or that on its address space (`ulimit -v`), less
+//! what the process holds. Other processes do not count, so that runs are repeatable. Where `/proc` says nothing there is no limit.
 //!
-//! The first product of dense blocks by faer on a thread takes a workspace of twice the machine's last-level caches, keeps it
-//! as long as the thread lives, and ends the process where it cannot have it. Hardly any of it is touched, so it counts
-//! against a limit on the address space alone. Where there is one, every thread of the pool takes its workspace when a
-//! factorization is set up, after a check: a lack of it is an error like any other.
+//! The first product of dense blocks by faer on a thread takes a workspace of twice the machine's last-level caches for good, and ends the process
+//! where it cannot have it. Hardly any of it is touched, so it counts against a limit on the address space alone. Where there is one, every thread of
+//! the pool takes its workspace when a factorization is set up, after a check.
 
 use crate::error::{Error, Result};
 use faer::{Accum, Mat, Par};
@@ -31,19 +29,10 @@ pub fn room() -> u64 {
     beyond(physical(), resident).min(beyond(address_space(), size))
 }
 
-/// Checks that there is room for so many bytes. Small requests add up until they are checked together, as a check reads a
-/// file.
+/// Checks that there is room for so many bytes. Small requests add up until they are checked together, as a check reads a file.
 ///
 /// # Errors
 /// [`Error::TooLarge`] with the bytes needed and the room there is.
-///
-/// # Examples
-/// ```
-/// use sprung::memory::ensure;
-///
-/// assert!(ensure(1000, "a kilobyte").is_ok());
-/// assert!(ensure(u64::MAX, "more than there is").is_err());
-/// ```
 pub fn ensure(bytes: u64, what: &'static str) -> Result<()> {
     #[cfg(test)]
     watch::note(bytes, what);
@@ -58,8 +47,7 @@ pub fn ensure(bytes: u64, what: &'static str) -> Result<()> {
     if bytes <= room { Ok(()) } else { Err(Error::TooLarge { what, bytes, room }) }
 }
 
-/// As [`ensure`], for something that multiplies dense blocks: the threads of the pool have their workspace when this
-/// returns.
+/// As [`ensure`], for something that multiplies dense blocks: the threads of the pool have their workspace when this returns.
 pub(crate) fn ensure_with_dense_products(bytes: u64, what: &'static str) -> Result<()> {
     ensure(bytes, what)?;
     let Some(limit) = address_space() else { return Ok(()) };
@@ -69,7 +57,6 @@ pub(crate) fn ensure_with_dense_products(bytes: u64, what: &'static str) -> Resu
     if fits { Ok(()) } else { Err(Error::TooLarge { what, bytes, room: room() }) }
 }
 
-/// A list of `value`, if there is room for it.
 pub(crate) fn filled<T: Clone>(value: T, length: usize, what: &'static str) -> Result<Vec<T>> {
     let bytes = (length as u64).saturating_mul(size_of::<T>() as u64);
     ensure(bytes, what)?;
@@ -122,7 +109,6 @@ fn group_limits(groups: &str, read: impl Fn(&Path) -> Option<String>) -> Option<
     lowest.filter(|&limit| limit < 1 << 60)
 }
 
-/// The limit on the address space.
 fn address_space() -> Option<u64> {
     static ADDRESS_SPACE: OnceLock<Option<u64>> = OnceLock::new();
     *ADDRESS_SPACE.get_or_init(|| {
@@ -132,7 +118,6 @@ fn address_space() -> Option<u64> {
     })
 }
 
-/// Bytes of address space and of memory held.
 fn held() -> [u64; 2] {
     let status = read_to_string("/proc/self/status").unwrap_or_default();
     ["VmSize:", "VmRSS:"].map(|key| {
@@ -148,20 +133,22 @@ thread_local! {
 
 /// Bytes of the workspaces that the threads of the pool, and this one, do not have yet.
 fn missing_workspaces() -> u64 {
-    let missing = || u64::from(!HAS_WORKSPACE.get());
-    let threads: u64 = rayon::broadcast(|_| missing()).into_iter().sum();
-    (threads + outside_pool().map_or(0, |()| missing())) * workspace_bytes()
+    let missing = on_every_thread(|| !HAS_WORKSPACE.get()).into_iter().filter(|&is_missing| is_missing);
+    missing.count() as u64 * workspace_bytes()
 }
 
-/// Allocates them; returns whether all threads have theirs now.
+/// Allocates them; true if all threads have theirs now.
 fn take_workspaces() -> bool {
-    let taken = rayon::broadcast(|_| take_workspace());
-    taken.into_iter().all(|taken| taken) && outside_pool().is_none_or(|()| take_workspace())
+    on_every_thread(take_workspace).into_iter().all(|taken| taken)
 }
 
-/// `None` on a thread of the pool.
-fn outside_pool() -> Option<()> {
-    rayon::current_thread_index().is_none().then_some(())
+/// The results of the threads of the pool, and of this one where it is none of them.
+fn on_every_thread<R: Send>(work: fn() -> R) -> Vec<R> {
+    let mut results = rayon::broadcast(|_| work());
+    if rayon::current_thread_index().is_none() {
+        results.push(work());
+    }
+    results
 }
 
 fn take_workspace() -> bool {
@@ -179,7 +166,6 @@ fn take_workspace() -> bool {
     true
 }
 
-/// Bytes of a thread's workspace.
 fn workspace_bytes() -> u64 {
     static BYTES: OnceLock<u64> = OnceLock::new();
     *BYTES.get_or_init(|| twice_the_last_level(caches(Path::new("/sys/devices/system/cpu"))))
@@ -310,12 +296,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn sizes_are_read_with_their_units() {
-        let read = ["32768K", "32M", "1G", "512", "", "K", "many"].map(size);
-        assert_eq!(read, [32 << 20, 32 << 20, 1 << 30, 512, 0, 0, 0]);
-    }
-
     /// Two processors with a second level each share a third one, another has one of its own; first levels do not count.
     #[test]
     fn caches_count_once() {
@@ -338,6 +318,8 @@ mod tests {
         assert_eq!(caches(&folder), [1 << 20, 12 << 20]);
         assert_eq!(caches(&folder.join("absent")), [0, 0]);
         std::fs::remove_dir_all(&folder).unwrap();
+        let read = ["32768K", "32M", "1G", "512", "", "K", "many"].map(size);
+        assert_eq!(read, [32 << 20, 32 << 20, 1 << 30, 512, 0, 0, 0]);
         let taken = [[1 << 20, 12 << 20], [3 << 20, 10 << 20], [1 << 20, 1 << 20], [0, 0]].map(twice_the_last_level);
         assert_eq!(taken, [24 << 20, 24 << 20, 8 << 20, 8 << 20]);
     }
@@ -368,10 +350,7 @@ mod tests {
             })
         };
         let looks: Vec<u64> = (0..20).map(|_| look()).collect();
-        assert!(
-            looks.iter().any(|&taken| taken <= workspace_bytes() + (1 << 20)),
-            "{looks:?} of {}",
-            workspace_bytes()
-        );
+        let bytes = workspace_bytes();
+        assert!(looks.iter().any(|&taken| taken <= bytes + (1 << 20)), "{looks:?} of {bytes}");
     }
 }

@@ -4,9 +4,6 @@
 /// Least items for a thread: some microseconds of work.
 const GRAIN: usize = 1024;
 
-/// Most pieces a thread, which balance the load.
-const TURNS: usize = 4;
-
 /// The number of pieces of so many items on the current threads, none with fewer than `least`.
 pub(crate) fn parts(items: usize, least: usize) -> usize {
     parts_for(items, least, rayon::current_num_threads())
@@ -16,7 +13,8 @@ fn parts_for(items: usize, least: usize, threads: usize) -> usize {
     let most = (items / least.max(1)).max(1);
     match most / threads {
         0 => most,
-        turns => threads * turns.min(TURNS),
+        // Four pieces a thread balance the load.
+        turns => threads * turns.min(4),
     }
 }
 

@@ -74,31 +74,18 @@ pub const DEFAULT_STEP: f64 = 0.01;
 pub const RECORDS: u32 = 300;
 
 /// The interval at which an adaptive run of `duration` seconds is recorded, in s: `duration/RECORDS`, whatever the time scale.
-///
-/// # Examples
-/// ```
-/// use sprung::plan::records_every;
-///
-/// assert!((records_every(30.0) - 0.1).abs() < 1e-15);
-/// assert!((records_every(3e-9) - 1e-11).abs() < 1e-25);
-/// ```
 pub fn records_every(duration: f64) -> f64 {
     duration / f64::from(RECORDS)
 }
 
-/// Degrees of freedom from which splitting a factorization pays, as measured on cloths.
-const LARGE: usize = 30_000;
-
 /// The parallelism of factorizations. Splitting changes the rounding, so it depends on the system alone, never on the number of
 /// threads: up to 16 of them work on one dense block.
 pub fn parallelism(system: &System) -> Par {
-    if system.dofs().len() < LARGE { Par::Seq } else { Par::rayon(16) }
+    // Measured on cloths: from here on splitting pays.
+    if system.dofs().len() < 30_000 { Par::Seq } else { Par::rayon(16) }
 }
 
 impl RunOptions {
-    /// The tolerance of adaptive steps where no step is given.
-    const RTOL: f64 = 1e-2;
-
     /// The method by name, or the default of fixed steps; `None` for the program's choice.
     pub fn method(&self) -> Option<Method> {
         match self.method {
@@ -109,29 +96,24 @@ impl RunOptions {
         }
     }
 
-    /// The tolerance of adaptive steps of a run without dt; `None` for a method that does not estimate its error.
+    /// The tolerance of adaptive steps of a run without dt, 1e-2 if none is given; `None` for a method that does not estimate its error.
     pub fn rtol_without_step(&self) -> Option<f64> {
         match self.method {
             Some(MethodChoice::Named(method)) if !method.estimates_errors() => self.rtol,
-            _ => Some(self.rtol.unwrap_or(Self::RTOL)),
-        }
-    }
-
-    /// The tolerance of conjugate gradients: adaptive, unless it is given, or the solver is, to be compared digit by digit.
-    fn tolerance(&self) -> Tolerance {
-        match (self.tolerance, self.solver) {
-            (Some(tolerance), _) => Tolerance::Fixed(tolerance),
-            (None, None | Some(SolverChoice::Auto)) => Tolerance::Adaptive,
-            (None, Some(_)) => Tolerance::default(),
+            _ => Some(self.rtol.unwrap_or(1e-2)),
         }
     }
 
     fn linear(&self, system: &System) -> SolverOptions {
-        let defaults = SolverOptions::default();
         SolverOptions {
-            solver: self.solver.unwrap_or(defaults.solver),
+            solver: self.solver.unwrap_or(SolverOptions::default().solver),
             preconditioner: self.preconditioner,
-            tolerance: self.tolerance(),
+            tolerance: match (self.tolerance, self.solver) {
+                (Some(tolerance), _) => Tolerance::Fixed(tolerance),
+                (None, None | Some(SolverChoice::Auto)) => Tolerance::Adaptive,
+                // The results of a solver that is given are compared digit by digit.
+                (None, Some(_)) => Tolerance::default(),
+            },
             par: parallelism(system),
             interrupt: self.interrupt,
         }
@@ -143,17 +125,15 @@ impl RunOptions {
     /// # Errors
     /// Coincident ends of a spring in `state`; a matrix that is too large.
     pub fn plan(&self, system: &System, state: &State, [dt, duration]: [f64; 2], rtol: Option<f64>) -> Result<Plan> {
-        let linear = self.linear(system);
         let asked = if self.method.is_none() && rtol.is_some() { None } else { self.method() };
-        let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
         let (method, reason) = match (asked, rtol) {
             (Some(method), _) => (method, None),
             (None, Some(_)) => default_method(system, state, duration).map(|(method, why)| (method, Some(why)))?,
             (None, None) => of_fixed_step(system, state, dt).map(|(method, why)| (method, Some(why)))?,
         };
-        let mut configuration = Configuration { method, options };
-        configuration.options.stiffness = self.stiffness.unwrap_or(configuration.options.stiffness);
-        Ok(Plan { configuration, rtol, reason })
+        let stiffness = self.stiffness.unwrap_or(ImplicitOptions::default().stiffness);
+        let options = ImplicitOptions { stiffness, linear: self.linear(system) };
+        Ok(Plan { configuration: Configuration { method, options }, rtol, reason })
     }
 
     /// The accuracy that is required, if one is.
@@ -162,7 +142,7 @@ impl RunOptions {
             accuracy: self.accuracy?,
             duration,
             interval,
-            par: self.linear(system).par,
+            par: parallelism(system),
             method: self.method(),
             stiffness: self.stiffness,
             solver: self.solver,
@@ -200,11 +180,10 @@ impl Plan {
     /// Coincident ends of a spring in `state`; a matrix that is too large; a tolerance for a method without an error estimate.
     pub fn stepper<'s>(&self, system: &'s System, state: &State) -> Result<Stepper<'s>> {
         let Configuration { method, options } = &self.configuration;
-        let Some(rtol) = self.rtol else {
-            let stepper = method.stepper(system, state, options)?;
-            return Ok(Stepper::Scheduled(stepper));
-        };
-        Ok(Stepper::Adaptive { stepper: adaptive_stepper(*method, system, state, options)?, rtol })
+        Ok(match self.rtol {
+            None => Stepper::Scheduled(method.stepper(system, state, options)?),
+            Some(rtol) => Stepper::Adaptive { stepper: adaptive_stepper(*method, system, state, options)?, rtol },
+        })
     }
 
     /// The options of the monitor; without an error estimate it balances energies alone.

@@ -31,6 +31,7 @@ use std::ops::ControlFlow;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone)]
+#[must_use]
 pub struct Simulation<'s> {
     system: &'s System,
     state: State,
@@ -75,53 +76,45 @@ impl<'s> Simulation<'s> {
     }
 
     /// By this method.
-    #[must_use]
     pub fn method(self, method: Method) -> Self {
         let options = RunOptions { method: Some(MethodChoice::Named(method)), ..self.options };
         Self { options, ..self }
     }
 
     /// With steps of dt seconds.
-    #[must_use]
     pub fn dt(self, dt: f64) -> Self {
         Self { dt: Some(dt), ..self }
     }
 
     /// With adaptive steps of this relative tolerance, between 0 and 1.
-    #[must_use]
     pub fn rtol(self, rtol: f64) -> Self {
         let options = RunOptions { rtol: Some(rtol), ..self.options };
         Self { options, ..self }
     }
 
     /// With this stiffness in the matrix: an option, or the policy.
-    #[must_use]
     pub fn stiffness(self, stiffness: impl Into<StiffnessPolicy>) -> Self {
         let options = RunOptions { stiffness: Some(stiffness.into()), ..self.options };
         Self { options, ..self }
     }
 
     /// With this linear solver.
-    #[must_use]
     pub fn solver(self, solver: SolverChoice) -> Self {
         let options = RunOptions { solver: Some(solver), ..self.options };
         Self { options, ..self }
     }
 
     /// With all options at once; `accuracy` is for [`run_to_accuracy`](crate::accuracy::run_to_accuracy) and is ignored here.
-    #[must_use]
     pub fn options(self, options: RunOptions) -> Self {
         Self { options: RunOptions { accuracy: None, ..options }, ..self }
     }
 
     /// Continues where energy appears without cause.
-    #[must_use]
     pub fn allow_unstable(self) -> Self {
         Self { stops_unstable: false, ..self }
     }
 
     /// Without an estimate of the error, which is then not known.
-    #[must_use]
     pub fn without_error_estimate(self) -> Self {
         Self { estimates_error: false, ..self }
     }

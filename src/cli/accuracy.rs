@@ -87,7 +87,6 @@ fn move_files(from: &Path, to: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Searches for a run to a required accuracy, writes it to a folder and reports it.
 pub fn search(
     console: &Console,
     scene: &LoadedScene,

@@ -1,10 +1,10 @@
 //! `sprung chart`: speed against accuracy, and the limits of stability.
 
+use super::Stop;
 use super::common::{LoadedScene, Process, SceneFile, claim, positive};
 use super::console::{Console, error};
 use super::definiteness;
 use super::threads::{end_in_order, interrupt, is_interrupted};
-use super::{Exit, Stop};
 use serde::Serialize;
 use sprung::Result;
 use sprung::chart::{Deadline, Reference, Run, StabilityMap, SweepOptions, WorkPrecision};
@@ -63,7 +63,7 @@ struct Report<'a> {
 }
 
 impl Chart {
-    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         let scene = self.scene.load(console)?;
         let budget = Duration::try_from_secs_f64(self.budget).unwrap_or(Duration::MAX / 16).min(Duration::MAX / 16);
         let dt = scene.step_or_default(console, self.dt);
@@ -132,21 +132,20 @@ impl Chart {
             let all = map.tiles.len() + map.missing;
             console.note(format_args!("the budget was enough for {} of {all} maps of stability", map.tiles.len()));
         }
-        let mut outcome = Exit::Done;
+        let mut outcome = Ok(());
         if is_interrupted() {
             error("interrupted: the chart shows the runs made so far");
-            outcome = Exit::Failed;
+            outcome = Err(Stop::Reported);
         }
         for check in map.checks().iter().filter(|check| !check.passed()) {
             error(format_args!("{}, {}: {}", check.name, check.scene, check.why));
-            outcome = Exit::Failed;
+            outcome = Err(Stop::Reported);
         }
-        Ok(outcome)
+        outcome
     }
 }
 
-/// Whether a recommended run, made as by `sprung run` for the whole duration, completes without a warning. After the deadline nothing is
-/// recommended.
+/// Whether a recommended run, made as by `sprung run` for the whole duration, completes without a warning. After the deadline nothing is recommended.
 fn holds(scene: &LoadedScene, run: &Run, duration: f64, until: Deadline) -> bool {
     let LoadedScene { system, state: start, .. } = scene;
     let method = Method::ALL.into_iter().find(|method| method.name() == run.method).map(MethodChoice::Named);

@@ -24,7 +24,6 @@ pub struct SceneFile {
     pub path: PathBuf,
 }
 
-/// A scene that has been read and checked.
 pub struct LoadedScene {
     pub file: PathBuf,
     pub name: String,
@@ -37,7 +36,6 @@ pub struct LoadedScene {
 }
 
 impl SceneFile {
-    /// Reads and builds the scene; prints the notes on its mesh.
     pub fn load(&self, console: &Console) -> Result<LoadedScene> {
         let (scene, file) = read_scene(&self.path)?;
         let built = scene.build_with_notes().map_err(|error| error.in_file(&file))?;
@@ -167,8 +165,7 @@ impl Process {
     }
 }
 
-/// Creates and locks a folder, and checks that files of these names can be written there. `goes_on` keeps unfinished files of a killed
-/// run.
+/// Creates and locks a folder, and checks that files of these names can be written there. `goes_on` keeps unfinished files of a killed run.
 pub fn claim(folder: &Path, names: &[&str], goes_on: bool) -> Result<OutputFolder> {
     let claimed = OutputFolder::claim(folder, goes_on)?;
     names.iter().try_for_each(|name| AtomicFile::create(folder.join(name)).map(drop))?;
@@ -223,7 +220,6 @@ pub fn positive(text: &str) -> Result<f64, String> {
     number(text, "must be finite and positive", |value| value > 0.0)
 }
 
-/// A number between zero and one, neither included.
 pub fn fraction(text: &str) -> Result<f64, String> {
     number(text, "must lie between 0 and 1", |value| value > 0.0 && value < 1.0)
 }

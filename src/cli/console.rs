@@ -117,7 +117,6 @@ pub fn warning(line: impl Display) {
     print_labelled("warning", AnsiColor::Yellow, line);
 }
 
-/// Prints advice on an error.
 pub fn help(line: impl Display) {
     print_labelled("help", AnsiColor::Green, line);
 }

@@ -1,9 +1,9 @@
 //! `sprung chart --definiteness`: every answer to a matrix that is not definite.
 
+use super::Stop;
 use super::common::{LoadedScene, claim};
 use super::console::{Console, error};
 use super::threads::{Threads, end_in_order, interrupt, is_interrupted};
-use super::{Exit, Stop};
 use serde::Serialize;
 use sprung::Result;
 use sprung::chart::Deadline;
@@ -30,7 +30,7 @@ pub fn execute(
     threads: &Threads,
     folder: &Path,
     console: &Console,
-) -> Result<Exit, Stop> {
+) -> Result<(), Stop> {
     end_in_order();
     let claimed = claim(folder, &FILES, false)?;
     claimed.check_inside("chart")?;
@@ -47,9 +47,11 @@ pub fn execute(
     if comparison.skipped > 0 {
         let why = if is_interrupted() { "interrupted" } else { "the budget is over" };
         error(format_args!("{why}: {} solves were not made", comparison.skipped));
-        return Ok(if is_interrupted() { Exit::Failed } else { Exit::Done });
+        if is_interrupted() {
+            return Err(Stop::Reported);
+        }
     }
-    Ok(Exit::Done)
+    Ok(())
 }
 
 fn write(folder: &Path, report: &Report<'_>) -> Result<()> {

@@ -1,10 +1,10 @@
 //! `sprung equilibrium`: where the scene comes to rest.
 
+use super::Stop;
 use super::common::{At, LoadedScene, Process, SceneFile, choice, claim, positive_count};
-use super::console::{Console, error};
+use super::console::Console;
 use super::method::STIFFNESSES;
 use super::view::{write_motions, write_page};
-use super::{Exit, Stop};
 use sprung::equilibrium::{EquilibriumOptions, Stability, equilibrium, load_path};
 use sprung::figure::{Animation, SceneTopology};
 use sprung::integrate::StiffnessPolicy;
@@ -52,7 +52,7 @@ const BUCKLING: &str = "buckling.html";
 const FILES: [&str; 4] = ["equilibrium.json", PAGE, PLOT, BUCKLING];
 
 impl EquilibriumCommand {
-    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         let scene = self.at.place(self.scene.load(console)?)?;
         let folder = self.process.folder(&scene);
         let steps = self.load_path;
@@ -75,11 +75,8 @@ impl EquilibriumCommand {
         let _ = write!(text, "open {}", folder.join(PAGE).display());
         console.result(&record, text)?;
         match found.stability {
-            Stability::Stable | Stability::Indifferent => Ok(Exit::Done),
-            _ => {
-                error(verdict(&found));
-                Ok(Exit::Failed)
-            }
+            Stability::Stable | Stability::Indifferent => Ok(()),
+            _ => Err(Stop::Computation(verdict(&found))),
         }
     }
 }

@@ -13,14 +13,7 @@ use sprung::{Result, State, System};
 use std::num::NonZeroU64;
 use std::path::Path;
 
-/// Files that every run writes.
 pub const FILES: [&str; 3] = ["summary.json", "final.json", "energy.csv"];
-
-/// Files that a run writes if requested, and removes otherwise.
-const OPTIONAL_FILES: [&str; 3] = [FRAME_LIST, TRAJECTORY, PAGE];
-
-/// The list of frames for VTK.
-const FRAME_LIST: &str = "frames.pvd";
 
 /// Optional files of a run.
 #[derive(Debug, clap::Args)]
@@ -30,8 +23,7 @@ pub struct Files {
     #[arg(long, value_name = "N", value_parser = positive_count::<NonZeroU64>)]
     pub frames: Option<NonZeroU64>,
 
-    /// Write view.html, a page that plays the motion in any browser; without --frames, of about 300 frames, or as many as take a
-    /// gigabyte on the way
+    /// Write view.html, a page that plays the motion in any browser; without --frames, of about 300 frames, or as many as take a gigabyte on the way
     #[arg(long)]
     pub view: bool,
 }
@@ -39,7 +31,7 @@ pub struct Files {
 impl Files {
     /// Creates and locks the folder of a run, and checks that nothing there is in the way of any of its files.
     pub fn claim(&self, folder: &Path, goes_on: bool) -> Result<OutputFolder> {
-        let claimed = claim(folder, &[FILES, OPTIONAL_FILES].concat(), goes_on)?;
+        let claimed = claim(folder, &[FILES, self.optional().map(|(name, _)| name)].concat(), goes_on)?;
         let frames = self.frames.map(|_| "frames");
         frames.into_iter().chain(["failure"]).try_for_each(|inner| claimed.check_inside(inner))?;
         Ok(claimed)
@@ -47,18 +39,17 @@ impl Files {
 
     /// Writes the page, if requested; returns the names of all files of a run.
     pub fn finish(&self, folder: &Path) -> Result<Vec<&'static str>> {
-        let mut names = FILES.to_vec();
-        if self.frames.is_some() {
-            names.push(FRAME_LIST);
-        }
-        if self.frames.is_some() || self.view {
-            names.push(TRAJECTORY);
-        }
         if self.view {
             playback(folder).and_then(|motion| write_page(&folder.join(PAGE), &motion))?;
-            names.push(PAGE);
         }
-        Ok(names)
+        let optional = self.optional().into_iter().filter(|(_, is_written)| *is_written).map(|(name, _)| name);
+        Ok(FILES.into_iter().chain(optional).collect())
+    }
+
+    /// The files that a run writes if requested, and removes otherwise, with whether they are.
+    fn optional(&self) -> [(&'static str, bool); 3] {
+        let has_frames = self.frames.is_some();
+        [("frames.pvd", has_frames), (TRAJECTORY, has_frames || self.view), (PAGE, self.view)]
     }
 
     /// The frames of a run in a folder, if requested; those of a page have no files for VTK.
@@ -88,25 +79,16 @@ impl Files {
         self.frames.or_else(|| self.view.then(smooth))
     }
 
-    /// The files of an earlier run in a folder that this one removes.
     pub fn removed(&self, folder: &Path) -> Vec<&'static str> {
-        let has_frames = self.frames.is_some();
-        let kept = [has_frames, has_frames || self.view, self.view];
-        let files = OPTIONAL_FILES.into_iter().zip(kept);
-        files.filter(|(name, is_kept)| !is_kept && folder.join(name).exists()).map(|(name, _)| name).collect()
+        let files = self.optional().into_iter().filter(|(name, is_kept)| !is_kept && folder.join(name).exists());
+        files.map(|(name, _)| name).collect()
     }
 
-    /// Removes files of an earlier run that this one does not replace.
     pub fn remove_older(&self, folder: &OutputFolder) -> Result<()> {
         if self.frames.is_none() {
             clear_frames(folder)?;
         }
-        if self.frames.is_none() && !self.view {
-            folder.remove(TRAJECTORY)?;
-        }
-        if !self.view {
-            folder.remove(PAGE)?;
-        }
+        self.optional().iter().filter(|(_, is_kept)| !is_kept).try_for_each(|(name, _)| folder.remove(name))?;
         folder.remove_inside("failure", |name| BUNDLE.contains(&name))
     }
 }

@@ -1,9 +1,9 @@
 //! `sprung inspect`: is A positive definite, which springs spoil it, and which step is safe?
 
+use super::Stop;
 use super::common::{At, LoadedScene, Process, SceneFile, advance, choice, claim, positive, whole};
-use super::console::{Console, PARTS, error, number};
+use super::console::{Console, PARTS, number};
 use super::threads::{end_in_order, is_interrupted};
-use super::{Exit, Stop};
 use faer::Par;
 use sprung::inspect::{AFFORDABLE, FirstLosses, Follower, Inspection, Part, Pictures};
 use sprung::integrate::RunFailure;
@@ -17,12 +17,11 @@ use std::sync::Arc;
 
 /// Say whether A is positive definite, which springs spoil it, and which step is safe
 ///
-/// Counts the signs of the eigenvalues of A = M/dt² − G/dt − K, finds λ_min, λ_max and the condition number, the largest time
-/// step for which A is positive definite, the largest for which linearised backward Euler is stable and the largest that turns
-/// no spring too far, under each stiffness option, and the springs behind every direction of negative curvature. All of this is
-/// about one state. Whether A is positive definite, and the spring that spoils it most, is said first, on stderr. With --steps it
-/// follows so many steps of linearised backward Euler, says after which step definiteness, stability, turning and energy were
-/// lost first, and looks at the state at the end. Writes inspect.html and its pictures.
+/// Counts the signs of the eigenvalues of A = M/dt² − G/dt − K, finds λ_min, λ_max and the condition number, the largest time step for which A is
+/// positive definite, the largest for which linearised backward Euler is stable and the largest that turns no spring too far, under each stiffness
+/// option, and the springs behind every direction of negative curvature. All of this is about one state. Whether A is positive definite, and the
+/// spring that spoils it most, is said first, on stderr. With --steps it follows so many steps of linearised backward Euler, says after which step
+/// definiteness, stability, turning and energy were lost first, and looks at the state at the end. Writes inspect.html and its pictures.
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub struct Inspect {
@@ -70,7 +69,7 @@ struct Followed {
 }
 
 impl Inspect {
-    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         let mut scene = self.at.place(self.scene.load(console)?)?;
         let dt = scene.step_or_default(console, self.dt);
         let folder = self.process.folder(&scene);
@@ -109,14 +108,13 @@ impl Inspect {
         console.result(&report, format!("{text}\n  pictures     {}", folder.join("inspect.html").display()))?;
         if let Some(RunFailure { step, time, failure }) = failure {
             let time = number(time);
-            error(format_args!("{} in step {step}, at t = {time} s: {failure}", failure.status().name()));
-            return Ok(Exit::Failed);
+            let status = failure.status().name();
+            return Err(Stop::Computation(format!("{status} in step {step}, at t = {time} s: {failure}")));
         }
         if is_interrupted() {
-            error("interrupted: what was not looked at is left out");
-            return Ok(Exit::Failed);
+            return Err(Stop::Computation("interrupted: what was not looked at is left out".into()));
         }
-        Ok(Exit::Done)
+        Ok(())
     }
 
     /// Inspects the state and draws it; after an interruption, returns what is known by then.

@@ -1,9 +1,9 @@
 //! `sprung matrix`: the linear system of a step as Matrix Market files.
 
+use super::Stop;
 use super::common::{At, LoadedScene, Process, SceneFile, advance, choice, claim, positive, whole};
 use super::console::{Console, count, number};
 use super::threads::{end_in_order, is_interrupted};
-use super::{Exit, Stop};
 use serde_json::json;
 use sprung::assembly::SymmetricMatrix;
 use sprung::integrate::{Outcome, StepMatrices};
@@ -14,11 +14,10 @@ use std::path::Path;
 
 /// Write the matrices of a step as Matrix Market files
 ///
-/// Assembles A δx = b of the linearised backward Euler step at the initial state, after --steps, or at the state of a file, with
-/// A = M/dt² − G/dt − K, over the free degrees of freedom, ordered by particle, then axis. Writes A.mtx (N/m), M.mtx (kg), G.mtx (N·s/m), K.mtx (N/m) and
-/// b.mtx (N), and dofs.csv, which says for every row its particle and axis, counted from 0. Of the symmetric matrices the
-/// lower triangle is written. G and K are negative semidefinite where nothing is compressed; prescribed motion has been
-/// moved to b.
+/// Assembles A δx = b of the linearised backward Euler step at the initial state, after --steps, or at the state of a file, with A = M/dt² − G/dt −
+/// K, over the free degrees of freedom, ordered by particle, then axis. Writes A.mtx (N/m), M.mtx (kg), G.mtx (N·s/m), K.mtx (N/m) and b.mtx (N), and
+/// dofs.csv, which says for every row its particle and axis, counted from 0. Of the symmetric matrices the lower triangle is written. G and K are
+/// negative semidefinite where nothing is compressed; prescribed motion has been moved to b.
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub struct Matrix {
@@ -54,7 +53,7 @@ const STIFFNESSES: [(Stiffness, &str); 4] = [
 const FILES: [&str; 6] = ["A.mtx", "M.mtx", "G.mtx", "K.mtx", "b.mtx", "dofs.csv"];
 
 impl Matrix {
-    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         let mut scene = self.at.place(self.scene.load(console)?)?;
         let dt = scene.step_or_default(console, self.dt);
         if self.steps > 0 {
@@ -78,8 +77,7 @@ impl Matrix {
             return Err(Stop::Computation("interrupted: not every matrix was written".into()));
         }
         written.map_err(Stop::Broken)?;
-        self.report(console, &scene, &matrices, dt, &folder)?;
-        Ok(Exit::Done)
+        self.report(console, &scene, &matrices, dt, &folder)
     }
 
     fn advance(&self, console: &Console, scene: &mut LoadedScene, dt: f64) -> Result<(), Stop> {
@@ -135,7 +133,6 @@ impl Matrix {
     }
 }
 
-/// The name of the first part of the linear system that is not finite.
 fn not_finite(matrices: &StepMatrices) -> Option<&'static str> {
     let StepMatrices { a, m, g, k, b } = matrices;
     let parts = [("M", m.as_slice()), ("G", g.values()), ("K", k.values()), ("A", a.values()), ("b", b)];

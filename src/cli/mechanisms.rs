@@ -1,9 +1,9 @@
 //! `sprung mechanisms`: which motions stretch no spring, and why a matrix is singular.
 
+use super::Stop;
 use super::common::{At, Process, SceneFile, claim};
 use super::console::{Console, warning};
 use super::view::write_motions;
-use super::{Exit, Stop};
 use sprung::mechanisms::mechanisms;
 use sprung::output::AtomicFile;
 use sprung::report::statics::{MechanismsRecord, mechanism_motions, mechanisms_text};
@@ -30,7 +30,7 @@ const PAGE: &str = "mechanisms.html";
 const FILES: [&str; 2] = ["mechanisms.json", PAGE];
 
 impl MechanismsCommand {
-    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         let scene = self.at.place(self.scene.load(console)?)?;
         let folder = self.process.folder(&scene);
         let (scene, found) = self.process.compute(scene, |scene| {
@@ -50,7 +50,6 @@ impl MechanismsCommand {
         if !found.decided {
             warning("a singular value is too close to the limit of rounding: the rank is not certain");
         }
-        console.result(&record, text)?;
-        Ok(Exit::Done)
+        console.result(&record, text)
     }
 }

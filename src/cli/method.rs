@@ -5,11 +5,14 @@ use super::console::Console;
 use super::threads::interrupt;
 use sprung::Stiffness;
 use sprung::accuracy::Configuration;
-use sprung::integrate::StiffnessPolicy::Always;
-use sprung::integrate::{Method, StiffnessPolicy};
+use sprung::integrate::Method::{
+    BackwardEuler, Bdf2, Dop853, ForwardEuler, ImplicitMidpoint, LinearBackwardEuler, Rodas4, SymplecticEuler, Verlet,
+    W2,
+};
+use sprung::integrate::StiffnessPolicy::{self, Always, OnDemand, Progressive};
 use sprung::linear::{PreconditionerKind, SolverChoice};
-use sprung::plan::MethodChoice::Named;
-use sprung::plan::{MethodChoice, Plan, RunOptions};
+use sprung::plan::MethodChoice::{self, Auto, Named};
+use sprung::plan::{Plan, RunOptions};
 
 /// The arguments of a simulation. Options that are not given are `None`.
 #[derive(Debug, clap::Args)]
@@ -25,11 +28,10 @@ pub struct MethodArguments {
     #[arg(long, value_name = "R", value_parser = fraction, conflicts_with_all = ["rtol", "steps"])]
     accuracy: Option<f64>,
 
-    /// Adaptive steps that keep local errors of positions and velocities so small that positions at the end are wrong by at most about R
-    /// times their distance from their centroid, as a rule by much less, unless the motion itself magnifies differences, as folding and
-    /// toppling do: the run warns of that. --dt is then the first step to try and the interval of records, which --frames counts.
-    /// For methods with an error estimate: bdf2, w2, rodas4, dop853 [default: 1e-2 where no dt is given, neither here nor in the
-    /// scene, with 300 records, whatever the duration]
+    /// Adaptive steps that keep local errors of positions and velocities so small that positions at the end are wrong by at most about R times their
+    /// distance from their centroid, as a rule by much less, unless the motion itself magnifies differences, as folding and toppling do: the run
+    /// warns of that. --dt is then the first step to try and the interval of records, which --frames counts. For methods with an error estimate:
+    /// bdf2, w2, rodas4, dop853 [default: 1e-2 where no dt is given, neither here nor in the scene, with 300 records, whatever the duration]
     #[arg(long, value_name = "R", value_parser = fraction)]
     rtol: Option<f64>,
 
@@ -42,8 +44,8 @@ pub struct MethodArguments {
     solver: Option<SolverChoice>,
 
     /// Preconditioner of conjugate gradients [default: auto]
-    #[arg(long, value_name = "KIND", value_parser = choice(&PRECONDITIONERS, PreconditionerChoice::name))]
-    preconditioner: Option<PreconditionerChoice>,
+    #[arg(long, value_name = "KIND", value_parser = choice(&PRECONDITIONERS, preconditioner_name))]
+    preconditioner: Option<Preconditioner>,
 
     /// Conjugate gradients stop at ‖b − A·δx‖ ≤ R·‖b‖ [default: as the error in time of a step is worth; 1e-10 with a solver given by name]
     #[arg(long, value_name = "R", value_parser = fraction)]
@@ -51,37 +53,22 @@ pub struct MethodArguments {
 }
 
 const METHODS: [(MethodChoice, &str); 11] = [
-    (Named(Method::LinearBackwardEuler), "backward Euler with forces linearised: one linear solve a step; first order"),
-    (
-        Named(Method::BackwardEuler),
-        "backward Euler, its equations solved by Newton's method with line search; first order",
-    ),
-    (
-        Named(Method::Bdf2),
-        "BDF2, forces linearised where the step ends: one linear solve a step as a rule; second order",
-    ),
-    (Named(Method::W2), "two linear solves a step with one matrix, damps what is stiff; second order"),
-    (Named(Method::Rodas4), "six or more linear solves a step with one matrix of the full stiffness; fourth order"),
-    (Named(Method::ImplicitMidpoint), "keeps momenta and, nearly, energy; Newton's method as above; second order"),
-    (Named(Method::Verlet), "explicit, one force evaluation a step: needs small steps; second order"),
-    (Named(Method::Dop853), "explicit, twelve force evaluations a step, for high accuracy; eighth order"),
-    (Named(Method::ForwardEuler), "explicit, for comparison: needs very small steps; first order"),
-    (Named(Method::SymplecticEuler), "explicit, for comparison: needs small steps; first order"),
-    (
-        MethodChoice::Auto,
-        "explicit where the steps resolve the fastest vibration (verlet, dop853), else implicit (bdf2, rodas4)",
-    ),
+    (Named(LinearBackwardEuler), "backward Euler with forces linearised: one linear solve a step; first order"),
+    (Named(BackwardEuler), "backward Euler, its equations solved by Newton's method with line search; first order"),
+    (Named(Bdf2), "BDF2, forces linearised where the step ends: one linear solve a step as a rule; second order"),
+    (Named(W2), "two linear solves a step with one matrix, damps what is stiff; second order"),
+    (Named(Rodas4), "six or more linear solves a step with one matrix of the full stiffness; fourth order"),
+    (Named(ImplicitMidpoint), "keeps momenta and, nearly, energy; Newton's method as above; second order"),
+    (Named(Verlet), "explicit, one force evaluation a step: needs small steps; second order"),
+    (Named(Dop853), "explicit, twelve force evaluations a step, for high accuracy; eighth order"),
+    (Named(ForwardEuler), "explicit, for comparison: needs very small steps; first order"),
+    (Named(SymplecticEuler), "explicit, for comparison: needs small steps; first order"),
+    (Auto, "explicit where the steps resolve the fastest vibration (verlet, dop853), else implicit (bdf2, rodas4)"),
 ];
 
 pub(super) const STIFFNESSES: [(StiffnessPolicy, &str); 6] = [
-    (
-        StiffnessPolicy::OnDemand,
-        "full while A is positive definite; in solves where it is not, without the few terms that spoil it",
-    ),
-    (
-        StiffnessPolicy::Progressive,
-        "full while A is positive definite; where it is not, tension for springs at large residuals",
-    ),
+    (OnDemand, "full while A is positive definite; in solves where it is not, without the few terms that spoil it"),
+    (Progressive, "full while A is positive definite; where it is not, tension for springs at large residuals"),
     (Always(Stiffness::Full), "the exact stiffness; A may be indefinite when springs are compressed"),
     (Always(Stiffness::Tension), "drop the transverse terms of compressed springs"),
     (Always(Stiffness::Axial), "drop all transverse terms"),
@@ -96,27 +83,24 @@ const SOLVERS: [(SolverChoice, &str); 5] = [
     (SolverChoice::CgAssembled, "conjugate gradients on the assembled A"),
 ];
 
-const PRECONDITIONERS: [(PreconditionerChoice, &str); 5] = [
-    (PreconditionerChoice(None), "none, block-jacobi or multigrid, whichever turns out to cost least"),
-    (PreconditionerChoice(Some(PreconditionerKind::None)), "no preconditioner"),
-    (PreconditionerChoice(Some(PreconditionerKind::Jacobi)), "the diagonal of A"),
-    (PreconditionerChoice(Some(PreconditionerKind::BlockJacobi)), "the 3×3 diagonal block of every particle"),
+/// `None` for the program's choice.
+type Preconditioner = Option<PreconditionerKind>;
+
+const PRECONDITIONERS: [(Preconditioner, &str); 5] = [
+    (None, "none, block-jacobi or multigrid, whichever turns out to cost least"),
+    (Some(PreconditionerKind::None), "no preconditioner"),
+    (Some(PreconditionerKind::Jacobi), "the diagonal of A"),
+    (Some(PreconditionerKind::BlockJacobi), "the 3×3 diagonal block of every particle"),
     (
-        PreconditionerChoice(Some(PreconditionerKind::Multigrid)),
+        Some(PreconditionerKind::Multigrid),
         "algebraic multigrid: few iterations whatever the size, each costing as much as several others",
     ),
 ];
 
-#[derive(Debug, Clone, Copy)]
-struct PreconditionerChoice(Option<PreconditionerKind>);
-
-impl PreconditionerChoice {
-    fn name(self) -> &'static str {
-        self.0.map_or("auto", PreconditionerKind::name)
-    }
+pub fn preconditioner_name(preconditioner: Preconditioner) -> &'static str {
+    preconditioner.map_or("auto", PreconditionerKind::name)
 }
 
-/// The arguments that select the method, stiffness and solver of a plan.
 pub fn arguments_of(plan: &Plan) -> String {
     let Configuration { method, options } = &plan.configuration;
     let (stiffness, solver) = (options.stiffness.name(), options.linear.solver.name());
@@ -131,7 +115,7 @@ impl MethodArguments {
             rtol: self.rtol,
             stiffness: self.stiffness,
             solver: self.solver,
-            preconditioner: self.preconditioner.and_then(|PreconditionerChoice(kind)| kind),
+            preconditioner: self.preconditioner.flatten(),
             tolerance: self.tolerance,
             interrupt: interrupt(),
         }

@@ -56,21 +56,16 @@ enum Command {
     Man(print::Man),
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Exit {
-    Done,
-    Failed,
-}
-
-/// Why a command could not start or finish.
 #[derive(Debug)]
 pub enum Stop {
     /// The input or an argument cannot be used; nothing was written.
     Unusable(Error),
     /// A result could not be written.
     Broken(Error),
-    /// The computation failed before there was a result to write.
+    /// The computation failed.
     Computation(String),
+    /// The computation failed, and all is said.
+    Reported,
 }
 
 impl From<Error> for Stop {
@@ -107,8 +102,8 @@ pub fn main() -> ExitCode {
         Command::Man(man) => man.execute(),
     };
     let (status, message) = match outcome {
-        Ok(Exit::Done) => return ExitCode::SUCCESS,
-        Ok(Exit::Failed) => return ExitCode::from(1),
+        Ok(()) => return ExitCode::SUCCESS,
+        Err(Stop::Reported) => return ExitCode::from(1),
         Err(Stop::Computation(message)) => (1, message),
         Err(Stop::Broken(error)) => (1, error.to_string()),
         Err(Stop::Unusable(error)) => (2, error.to_string()),

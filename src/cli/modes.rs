@@ -1,9 +1,9 @@
 //! `sprung modes`: how the scene vibrates about a state.
 
+use super::Stop;
 use super::common::{At, Process, SceneFile, claim, positive_count};
 use super::console::{Console, warning};
 use super::view::write_motions;
-use super::{Exit, Stop};
 use sprung::equilibrium::{EquilibriumOptions, Stability, equilibrium};
 use sprung::modes::modes;
 use sprung::output::{AtomicFile, write_modes};
@@ -37,7 +37,7 @@ const PAGE: &str = "modes.html";
 const FILES: [&str; 3] = ["modes.json", "modes.npz", PAGE];
 
 impl ModesCommand {
-    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         let at = self.at.display().to_string();
         let is_file = !matches!(at.as_str(), "start" | "equilibrium");
         let scene = At { at: is_file.then(|| self.at.clone()) }.place(self.scene.load(console)?)?;
@@ -70,7 +70,6 @@ impl ModesCommand {
         if !found.complete && !scene.system.dofs().is_empty() {
             warning("the eigenvalues were not counted: modes may be missing");
         }
-        console.result(&record, text)?;
-        Ok(Exit::Done)
+        console.result(&record, text)
     }
 }

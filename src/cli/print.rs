@@ -2,7 +2,7 @@
 
 use super::common::positive_count;
 use super::console::{Console, print};
-use super::{Arguments, Exit, Stop};
+use super::{Arguments, Stop};
 use clap::CommandFactory;
 use clap_complete::{Shell, generate};
 use sprung::output::AtomicFile;
@@ -38,7 +38,7 @@ pub struct New {
 }
 
 impl New {
-    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         if console.json && self.output.is_some() {
             let message = "--json: it is for a scene that is printed; the ending of a file determines its format";
             return Err(Error::Usage(message.into()).into());
@@ -46,11 +46,10 @@ impl New {
         let size = self.size.unwrap_or(self.kind.default_size());
         let scene = if self.refine { refined(self.kind, size)? } else { builtin(self.kind, size)? };
         match &self.output {
-            Some(file) => write(&scene, file)?,
-            None if console.json => print(&scene.to_json())?,
-            None => print(scene.to_toml().trim_end())?,
+            Some(file) => Ok(write(&scene, file)?),
+            None if console.json => print(&scene.to_json()),
+            None => print(scene.to_toml().trim_end()),
         }
-        Ok(Exit::Done)
     }
 }
 
@@ -66,8 +65,7 @@ fn write(scene: &Scene, file: &Path) -> Result<(), Error> {
 
 /// Print a script that completes commands and options in a shell
 ///
-/// For example `sprung completions bash > ~/.local/share/bash-completion/completions/sprung`, or
-/// `sprung completions zsh > "${fpath[1]}/_sprung"`.
+/// For example `sprung completions bash > ~/.local/share/bash-completion/completions/sprung`, or `sprung completions zsh > "${fpath[1]}/_sprung"`.
 #[derive(Debug, clap::Args)]
 pub struct Completions {
     /// The shell
@@ -76,11 +74,10 @@ pub struct Completions {
 }
 
 impl Completions {
-    pub fn execute(&self) -> Result<Exit, Stop> {
+    pub fn execute(&self) -> Result<(), Stop> {
         let mut script = Vec::new();
         generate(self.shell, &mut Arguments::command(), "sprung", &mut script);
-        print(String::from_utf8_lossy(&script).trim_end())?;
-        Ok(Exit::Done)
+        print(String::from_utf8_lossy(&script).trim_end())
     }
 }
 
@@ -95,7 +92,7 @@ pub struct Man {
 }
 
 impl Man {
-    pub fn execute(&self) -> Result<Exit, Stop> {
+    pub fn execute(&self) -> Result<(), Stop> {
         let mut command = Arguments::command();
         command.build();
         if let Some(name) = &self.command {
@@ -105,7 +102,6 @@ impl Man {
         let mut page = Vec::new();
         let written = clap_mangen::Man::new(command).render(&mut page);
         written.map_err(|source| Stop::Broken(Error::io("the manual page", source)))?;
-        print(String::from_utf8_lossy(&page).trim_end())?;
-        Ok(Exit::Done)
+        print(String::from_utf8_lossy(&page).trim_end())
     }
 }

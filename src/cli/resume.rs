@@ -10,12 +10,12 @@ use sprung::integrate::{Monitor, MonitorOptions, Outcome, Schedule, Statistics, 
 use sprung::output::{Checkpoint, rows};
 use sprung::plan::{Plan, Stepper};
 use sprung::{Error, Result, State, System};
+use std::collections::HashMap;
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// The common settings of all parts.
 pub struct Parts<'s> {
     pub system: &'s System,
     pub start: &'s State,
@@ -163,27 +163,23 @@ pub const OTHER_OPTIONS: &str = "options";
 
 /// What differs between two runs by their descriptions. What follows from a named option is not named again.
 fn differences(found: &str, ours: &str) -> Vec<String> {
-    let values = |text: &str| -> Vec<(String, String)> {
-        let pairs = text.lines().filter_map(|line| line.split_once(' '));
-        pairs.map(|(name, value)| (name.to_owned(), value.to_owned())).collect()
-    };
-    let before = values(found);
-    let changed = values(ours).into_iter().filter_map(|(name, now)| {
-        let then = before.iter().find(|(other, _)| *other == name).map(|(_, then)| then.clone());
-        (then.as_ref() != Some(&now)).then_some((name, then, now))
-    });
-    let (others, named): (Vec<_>, Vec<_>) = changed.partition(|(name, ..)| name == OTHER_OPTIONS);
-    let is_named = !named.is_empty();
-    let in_words = |(name, then, now): (String, Option<String>, String)| match (name.as_str(), then) {
+    fn values(text: &str) -> impl Iterator<Item = (&str, &str)> {
+        text.lines().filter_map(|line| line.split_once(' '))
+    }
+    let before: HashMap<&str, &str> = values(found).collect();
+    let changed = values(ours).map(|(name, now)| (name, before.get(name).copied(), now));
+    let changed = changed.filter(|(_, then, now)| *then != Some(*now));
+    let (others, named): (Vec<_>, Vec<_>) = changed.partition(|(name, ..)| *name == OTHER_OPTIONS);
+    let told = if named.is_empty() { others } else { named };
+    let in_words = |(name, then, now): (&str, Option<&str>, &str)| match (name, then) {
         ("scene", _) => "the scene or its state at the start has changed".into(),
         (OTHER_OPTIONS, _) => "other options differ".into(),
         (_, Some(then)) => format!("{name} was {then}, and is {now}"),
         (_, None) => format!("{name} is {now}"),
     };
-    named.into_iter().chain(others.into_iter().filter(|_| !is_named)).map(in_words).collect()
+    told.into_iter().map(in_words).collect()
 }
 
-/// The results in an output folder before a run.
 pub struct Earlier {
     folder: PathBuf,
     /// A sentence on the run of the folder's summary.

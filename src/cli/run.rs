@@ -1,18 +1,18 @@
 //! `sprung run`: simulate a scene.
 
+use super::Stop;
 use super::accuracy;
 use super::common::{At, LoadedScene, Process, SceneFile, positive, positive_count, whole};
 use super::console::{Console, error, help, number};
 use super::files::{Files, Recorder};
-use super::method::{MethodArguments, arguments_of};
+use super::method::{MethodArguments, arguments_of, preconditioner_name};
 use super::resume::{Checkpoints, Earlier, Ended, NOT_GIVEN, OTHER_OPTIONS, Parts};
 use super::summary::SummaryText;
 use super::threads::end_in_order;
-use super::{Exit, Stop};
 use sprung::accuracy::AccuracyOptions;
 use sprung::inspect::Inspection;
 use sprung::integrate::{ImplicitOptions, Schedule, Status, StiffnessPolicy};
-use sprung::linear::{PreconditionerKind, Tolerance};
+use sprung::linear::Tolerance;
 use sprung::output::{
     Checkpoint, ChoiceReport, EnergyLog, FailedStep, FailureReport, Frames, OutputFolder, RunRecord, Summary, WAITING,
     clear_frames, clear_frames_after, fingerprint, write_final_state,
@@ -36,8 +36,7 @@ pub struct Run {
     #[command(flatten)]
     scene: SceneFile,
 
-    /// Time step, in seconds [default: the scene's time.dt; without one steps are adaptive, see --rtol, or 0.01 for methods that
-    /// have none]
+    /// Time step, in seconds [default: the scene's time.dt; without one steps are adaptive, see --rtol, or 0.01 for methods that have none]
     #[arg(long, value_name = "S", value_parser = positive)]
     dt: Option<f64>,
 
@@ -90,7 +89,7 @@ struct Pacing {
 }
 
 impl Run {
-    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         let scene = self.at.place(self.scene.load(console)?)?;
         let summary = if let Some(options) = self.accuracy_options(&scene)? {
             if self.checkpoint.is_some() {
@@ -104,7 +103,7 @@ impl Run {
             self.method.note_unused(console, pacing.rtol);
             self.process.threads.install(|| self.simulate(console, &scene, pacing))?
         };
-        Ok(if summary.status == Status::Completed { Exit::Done } else { Exit::Failed })
+        if summary.status == Status::Completed { Ok(()) } else { Err(Stop::Reported) }
     }
 
     /// The required accuracy, if any. The answer is recorded at multiples of dt, where there is one.
@@ -225,7 +224,6 @@ impl Run {
         Ok(summary)
     }
 
-    /// Removes files of an earlier run that this one writes again.
     fn remove_replaced(&self, folder: &OutputFolder, from: Option<&Checkpoint>) -> Result<()> {
         if let Some(checkpoint) = from {
             Checkpoint::reopen(folder)?;
@@ -276,7 +274,7 @@ impl Run {
             ("--rtol", some(rtol.map(|rtol| format!("{rtol:?}")))),
             ("--stiffness", stiffness.name().to_owned()),
             ("--solver", linear.solver.name().to_owned()),
-            ("--preconditioner", linear.preconditioner.map_or("auto", PreconditionerKind::name).to_owned()),
+            ("--preconditioner", preconditioner_name(linear.preconditioner).to_owned()),
             ("--tolerance", tolerance),
             ("--frames", some(self.files.frames.map(|frames| frames.to_string()))),
             ("--view", given(self.files.view)),

@@ -66,7 +66,6 @@ impl SummaryText<'_> {
         console.result(summary, self)
     }
 
-    /// The size of the system, the reasons for choices, the work and the energy balance.
     fn details(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Summary { solver, energy, statistics, particles, springs, dofs, .. } = self.summary;
         let work = &statistics.work;
@@ -120,7 +119,6 @@ impl SummaryText<'_> {
     }
 }
 
-/// A number to so many digits.
 fn rounded(value: f64, digits: usize) -> f64 {
     format!("{value:.*e}", digits - 1).parse().unwrap_or(value)
 }

@@ -1,9 +1,9 @@
 //! `sprung verify`: the verification suite on scenes.
 
+use super::Stop;
 use super::common::{claim, folder_of, read_scene};
-use super::console::{Console, error};
+use super::console::Console;
 use super::threads::Threads;
-use super::{Exit, Stop};
 use serde_json::Value;
 use sprung::Error;
 use sprung::output::write_report;
@@ -14,11 +14,10 @@ use std::sync::Arc;
 
 /// Check the program on scenes: derivatives, solvers, definiteness, conservation, convergence, failure
 ///
-/// Holds forces to their energy, matrices to the forces, steps to their equations, solvers to each other and methods to
-/// their order, each number to a bound that an analysis gives, and writes report.html, report.json and junit.xml. A
-/// scene's own dt is used; a scene without one is checked at a step that resolves its vibrations. What the numbers of a scene
-/// do not allow to be judged, as where a particle is so far away that its spring is lost in the rounding of coordinates, is said
-/// with the reason, and counts neither as passed nor as failed.
+/// Holds forces to their energy, matrices to the forces, steps to their equations, solvers to each other and methods to their order, each number to a
+/// bound that an analysis gives, and writes report.html, report.json and junit.xml. A scene's own dt is used; a scene without one is checked at a
+/// step that resolves its vibrations. What the numbers of a scene do not allow to be judged, as where a particle is so far away that its spring is
+/// lost in the rounding of coordinates, is said with the reason, and counts neither as passed nor as failed.
 #[derive(Debug, clap::Args)]
 pub struct Verify {
     /// The scenes: TOML, JSON or NumPy (.npz) files [default: the built-in ones]
@@ -36,7 +35,7 @@ pub struct Verify {
 const FILES: [&str; 3] = ["report.html", "report.json", "junit.xml"];
 
 impl Verify {
-    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         let cases = self.cases()?;
         let name = match &cases[..] {
             [case] => &case.name,
@@ -55,10 +54,10 @@ impl Verify {
         let text = format!("{}report: {}", report::text(&results), folder.join(FILES[0]).display());
         console.result(&json, text)?;
         if !is_complete {
-            error("interrupted: the report has the checks that were made until then");
-            return Ok(Exit::Failed);
+            let message = "interrupted: the report has the checks that were made until then";
+            return Err(Stop::Computation(message.into()));
         }
-        Ok(if results.all_passed() { Exit::Done } else { Exit::Failed })
+        if results.all_passed() { Ok(()) } else { Err(Stop::Reported) }
     }
 
     fn cases(&self) -> Result<Vec<TestCase>, Error> {

@@ -1,8 +1,8 @@
 //! `sprung view`: the motion of a run as a page that plays it.
 
+use super::Stop;
 use super::common::{At, LoadedScene, SceneFile, folder_of};
 use super::console::{Console, number};
-use super::{Exit, Stop};
 use nalgebra::Vector3;
 use serde_json::json;
 use sprung::figure::{Animation, SceneTopology};
@@ -33,7 +33,7 @@ pub struct View {
 pub const PAGE: &str = "view.html";
 
 impl View {
-    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         let is_at = self.at.at.is_some();
         let (animation, folder) = if self.subject.is_dir() {
             if is_at {
@@ -62,8 +62,7 @@ impl View {
         let megabytes = bytes as f64 / 1e6;
         let text = format!("{}: {contents}, {megabytes:.1} MB\nopen {}", animation.title, page.display());
         let report = json!({"page": page.display().to_string(), "frames": frames, "bytes": bytes});
-        console.result(&report, text)?;
-        Ok(Exit::Done)
+        console.result(&report, text)
     }
 }
 

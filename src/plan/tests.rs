@@ -1,8 +1,7 @@
 use super::*;
 use crate::integrate::Dop853;
 use crate::spring::Spring;
-use crate::system::SystemBuilder;
-use crate::system::fixtures::tethered;
+use crate::system::fixtures::{row, tethered};
 
 /// Method and tolerance without a step, of run_options for a method, an accuracy, a tolerance.
 #[test]
@@ -95,8 +94,7 @@ fn monitors_propagate_errors_and_stop_as_they_are_told() {
     }
 }
 
-/// Samples of parts have the numbers and times of the whole; the first part begins with a step of dt, later ones with a step that the
-/// forces suggest.
+/// Samples of parts have the numbers and times of the whole; the first part begins with a step of dt, later ones with a step that the forces suggest.
 #[test]
 fn adaptive_runs_go_on_in_parts() {
     let (system, mut state) = swing();
@@ -128,12 +126,8 @@ fn adaptive_runs_go_on_in_parts() {
 /// Threads decide nothing, the number of unknowns does.
 #[test]
 fn large_factorizations_are_split() {
-    for (particles, is_split) in [(10, false), (LARGE / 3 - 1, false), (LARGE / 3, true)] {
-        let mut builder = SystemBuilder::new();
-        (0..particles).for_each(|i| {
-            builder.particle([i as f64, 0.0, 0.0], 1.0);
-        });
-        let (system, _) = builder.build().unwrap();
+    for (particles, is_split) in [(10, false), (9_999, false), (10_000, true)] {
+        let (system, _) = row(particles);
         assert_eq!(matches!(parallelism(&system), Par::Rayon(_)), is_split, "{particles}");
     }
 }

@@ -54,8 +54,7 @@ impl Scene {
         Ok(scene.complete("scene")?)
     }
 
-    /// Reads a scene from [arrays](Self::write_npz), with the errors of [`load`](Self::load). Without a name in its text it is called
-    /// `scene`.
+    /// Reads a scene from [arrays](Self::write_npz), with the errors of [`load`](Self::load). Without a name in its text it is called `scene`.
     pub fn from_npz(file: impl std::io::Read + std::io::Seek) -> Result<Self> {
         Ok(npz::read(file, Path::new("NPZ"), parse_json)?.complete("scene")?)
     }
@@ -153,7 +152,6 @@ fn with_suggestion(message: String) -> String {
 
 /// A parser's message in a scene file's words: `invalid type: string "heavy", expected f64` becomes `is the text "heavy", must be a number`.
 fn plain(message: &str) -> String {
-    let bare = |rest: &str| rest.replace('`', "");
     if let Some(rest) = message.strip_prefix(&format!("unknown field `{DATE}`")) {
         let place = rest.find(" at line ").map_or("", |at| &rest[at..]);
         return format!("is a date or a time, which no key takes{place}");
@@ -173,15 +171,14 @@ fn plain(message: &str) -> String {
         let entries = if length == "1" { "entry" } else { "entries" };
         return format!("has {length} {entries}, must be {}", wanted_kind(wanted, 0.0));
     }
-    for (start, words) in [("unknown field ", "unknown key "), ("unknown variant ", "unknown word ")] {
+    for (start, words) in [
+        ("unknown field ", "unknown key "),
+        ("unknown variant ", "unknown word "),
+        ("missing field ", "missing key "),
+        ("duplicate field ", "given twice: "),
+    ] {
         if let Some(rest) = message.strip_prefix(start) {
-            let known = bare(rest).replacen(", expected one of ", ", must be one of ", 1);
-            return format!("{words}{}", known.replacen(", expected ", ", must be ", 1));
-        }
-    }
-    for (start, words) in [("missing field ", "missing key "), ("duplicate field ", "given twice: ")] {
-        if let Some(rest) = message.strip_prefix(start) {
-            return format!("{words}{}", bare(rest));
+            return format!("{words}{}", rest.replace('`', "").replacen(", expected ", ", must be ", 1));
         }
     }
     message.to_owned()

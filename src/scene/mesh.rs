@@ -68,7 +68,6 @@ impl MeshGeometry {
         format!("{} {place}: an edge joins vertices {i} and {j}", self.unit)
     }
 
-    /// The file's number of a vertex.
     pub(super) fn number(&self, vertex: usize) -> u64 {
         vertex as u64 + u64::from(self.first)
     }
@@ -200,14 +199,12 @@ fn read(bytes: &[u8]) -> Result<Raw, Fault> {
     }
 }
 
-/// The defects of faces and lines that are left out.
 const REPEATED: &str = "a vertex twice";
 const SHORT: &str = "fewer than two vertices";
 
 /// An error in a file, without its name.
 struct Fault(String);
 
-/// Vertices and edges as a file has them.
 struct Raw {
     /// The unit of places, and the file's number of its first vertex.
     unit: &'static str,

@@ -1,31 +1,7 @@
-//! Scene files, meshes and ready scenes: from a description to a [`System`](crate::System) and its
-//! [`State`](crate::State), and back.
+//! Scene files, meshes and ready scenes: from a description to a [`System`](crate::System) and its [`State`](crate::State), and back.
 //!
-//! A [`Scene`] holds the contents of a scene file, TOML, JSON or [NumPy arrays](Scene::write_npz): [`Scene::load`] reads one,
-//! [`Scene::build`] checks every value and builds the system, [`Scene::to_toml`], [`Scene::to_json`] and [`Scene::write_npz`] write it,
-//! to the bit.
-//!
-//! ```
-//! use sprung::scene::Scene;
-//!
-//! let scene = Scene::from_toml(
-//!     r#"
-//!     gravity = [0.0, -9.81]
-//!     [particles]
-//!     positions = [[0, 0], [1, 0]]
-//!     masses = 1.0
-//!     [springs]
-//!     pairs = [[0, 1]]
-//!     stiffness = 100.0
-//!     [[constraints]]
-//!     particles = [0]
-//!     "#,
-//! )?;
-//! let (system, state) = scene.build()?;
-//! assert_eq!(system.dofs().len(), 2);
-//! assert_eq!(state.positions[1].x, 1.0);
-//! # Ok::<(), sprung::Error>(())
-//! ```
+//! A [`Scene`] holds the contents of a scene file, TOML, JSON or [NumPy arrays](Scene::write_npz): [`Scene::load`] reads one, [`Scene::build`] checks
+//! every value and builds the system, [`Scene::to_toml`], [`Scene::to_json`] and [`Scene::write_npz`] write it, to the bit.
 
 mod build;
 pub mod builtin;

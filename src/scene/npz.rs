@@ -138,15 +138,12 @@ impl Scene {
     }
 }
 
-/// An array whose header has been read.
 struct Array<R: Read>(NpyFile<R>);
 
 /// Opens an array of the zip. Its header is checked before npyz parses it, and the bytes it promises must be there.
 fn open<R: Read + Seek>(zip: &mut ZipArchive<R>, index: usize) -> Result<Array<impl Read + use<'_, R>>, String> {
     // NumPy's headers of plain arrays are shorter, and a long one has room for deep nesting.
     const HEADER: usize = 1024;
-    // npyz multiplies the lengths unchecked; with as many digits in all their product fits 64 bits.
-    const DIGITS: usize = 18;
     let mut entry = zip.by_index(index).map_err(|error| error.to_string())?;
     let size = entry.size();
     let mut start = vec![0; 12];
@@ -161,7 +158,8 @@ fn open<R: Read + Seek>(zip: &mut ZipArchive<R>, index: usize) -> Result<Array<i
     }
     start.resize((before + header).max(12), 0);
     entry.read_exact(start.get_mut(12..).unwrap_or_default()).map_err(|error| error.to_string())?;
-    if start.iter().filter(|byte| byte.is_ascii_digit()).count() > DIGITS {
+    // npyz multiplies the lengths unchecked; with as many digits in all their product fits 64 bits.
+    if start.iter().filter(|byte| byte.is_ascii_digit()).count() > 18 {
         return Err("speaks of more numbers than there can be".into());
     }
     let npy = NpyFile::new(io::Cursor::new(start).chain(BufReader::with_capacity(1 << 18, entry)));
@@ -284,7 +282,6 @@ impl<W: Write> Write for FailsOnce<W> {
     }
 }
 
-/// A zip of arrays, written from front to back.
 pub(crate) struct NpzWriter<W: Write>(ZipWriter<StreamWriter<FailsOnce<W>>>);
 
 impl<W: Write> NpzWriter<W> {

@@ -214,15 +214,6 @@ impl TimeSettings {
 }
 
 /// `gravity`: one vector, or a path of it.
-///
-/// # Examples
-/// ```
-/// use sprung::scene::{Gravity, GravityPath};
-///
-/// let constant: Gravity = [0.0, -9.81].into();
-/// let fading = GravityPath { times: vec![0.0, 1.0], values: vec![[0.0, -9.81].into(), [0.0, 0.0].into()] };
-/// assert_eq!((constant.dimension(), Gravity::Path(fading).dimension()), (Some(2), Some(2)));
-/// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Gravity {

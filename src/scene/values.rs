@@ -123,13 +123,6 @@ pub enum PerItem<T> {
 }
 
 /// One number for all particles or springs, or one for each.
-///
-/// # Examples
-/// ```
-/// use sprung::scene::Values;
-///
-/// assert_eq!(Values::collect([2.0, 2.0, 2.0]), Values::Uniform(2.0));
-/// ```
 pub type Values = PerItem<f64>;
 
 /// One flag for all springs, or one for each.

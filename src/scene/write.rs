@@ -137,7 +137,6 @@ impl Toml {
         self.0.push_str(&format!("\n{header}{}\n", trailing(comment)));
     }
 
-    /// A key with its value, if it has one.
     fn line(&mut self, key: &str, value: Option<String>, comment: &str) {
         if let Some(value) = value {
             self.0.push_str(&format!("{key} = {value}{}\n", trailing(comment)));

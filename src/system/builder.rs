@@ -103,8 +103,7 @@ impl SystemBuilder {
         self.constrain(Constraint::hold([particle]))
     }
 
-    /// Checks all values and returns the system and its state at time zero. Prescribed coordinates have the position and velocity of their
-    /// motion.
+    /// Checks all values and returns the system and its state at time zero. Prescribed coordinates have the position and velocity of their motion.
     ///
     /// # Errors
     /// [`Invalid`] for the first value that breaks a rule of the scene format, with its key and index.
@@ -266,7 +265,6 @@ fn check_energies(system: &System, state: &State) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// An error unless the parameters of a spring are valid.
 pub(super) fn check_spring(number: usize, spring: &Spring) -> Result<(), Invalid> {
     check_positive("springs.stiffness", number, spring.stiffness)?;
     for (key, value) in [("springs.rest_lengths", spring.rest_length), ("springs.damping", spring.damping)] {
@@ -291,17 +289,10 @@ mod tests {
     use crate::system::{Axes, Constraint, Motion};
     use nalgebra::Vector3;
 
-    /// 2³² − 1 = 3 · 1 431 655 765.
-    #[test]
-    fn three_rows_of_every_particle_can_be_numbered() {
-        assert!(check_count(1_431_655_765).is_ok());
-        assert!(check_count(1_431_655_766).is_err() && check_count(usize::MAX).is_err());
-    }
-
-    /// The error for a particle at x₀ = 0 on a path.
-    fn on_path(times: &[f64], offsets: &[f64]) -> Option<String> {
+    /// The error for a particle at x₀ on a path.
+    fn on_path(x: f64, times: &[f64], offsets: &[f64]) -> Option<String> {
         let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
+        builder.particle([x, 0.0, 0.0], 1.0);
         let offsets = offsets.iter().map(|&x| Vector3::new(x, 0.0, 0.0)).collect();
         let motion = Motion::Path { times: times.to_vec(), offsets };
         builder.constrain(Constraint { particles: vec![0], axes: Axes::of(&[0]), motion });
@@ -310,28 +301,20 @@ mod tests {
 
     /// The speed of a segment is the difference of its offsets over that of its times: 10¹⁵⁵ m/s is too much, 10¹⁴⁵ is not.
     #[test]
-    fn paths_are_slower_than_the_largest_velocity() {
-        let soon = 1.0 + 2.0_f64.powi(-34);
-        assert_eq!(on_path(&[1.0, soon], &[0.0, 1e135]), None);
-        let message = on_path(&[1.0, soon], &[0.0, 1e145]).unwrap();
-        assert!(message.starts_with("constraints[0].path.times[1]") && message.ends_with("entry before"), "{message}");
-        assert!(on_path(&[1.0, soon], &[1e145, 0.0]).is_some());
-        assert_eq!(on_path(&[1.0, soon], &[1e149, 1e149]), None);
-        assert_eq!(on_path(&[0.0], &[State::LARGEST]), None);
-    }
-
-    #[test]
-    fn starts_are_within_what_states_may_have() {
-        let build = |x: f64, offset: f64| {
-            let mut builder = SystemBuilder::new();
-            builder.particle([x, 0.0, 0.0], 1.0);
-            let motion = Motion::Path { times: vec![0.0], offsets: vec![Vector3::new(offset, 0.0, 0.0)] };
-            builder.constrain(Constraint { particles: vec![0], axes: Axes::of(&[0]), motion });
-            builder.build().err().map(|error| error.to_string())
-        };
-        assert_eq!(build(State::LARGEST, 0.0), None);
+    fn starts_and_velocities_of_paths_are_within_what_states_may_have() {
+        let times = [1.0, 1.0 + 2.0_f64.powi(-34)];
+        for offsets in [[0.0, 1e135], [1e149, 1e149]] {
+            assert_eq!(on_path(0.0, &times, &offsets), None);
+        }
+        for offsets in [[0.0, 1e145], [1e145, 0.0]] {
+            let message = on_path(0.0, &times, &offsets).unwrap();
+            assert!(message.starts_with("constraints[0].path.times[1]") && message.ends_with("before"), "{message}");
+        }
+        for (x, offset) in [(0.0, State::LARGEST), (State::LARGEST, 0.0)] {
+            assert_eq!(on_path(x, &[0.0], &[offset]), None);
+        }
         for sign in [1.0, -1.0] {
-            let message = build(sign * State::LARGEST, sign * 1e140).unwrap();
+            let message = on_path(sign * State::LARGEST, &[0.0], &[sign * 1e140]).unwrap();
             assert!(message.starts_with("constraints[0].path.offsets = "), "{message}");
         }
     }
@@ -378,8 +361,11 @@ mod tests {
         builder.build().err().map(|error| error.to_string())
     }
 
+    /// Rows can be numbered too: 2³² − 1 = 3 · 1 431 655 765.
     #[test]
     fn lists_have_an_entry_for_everything() {
+        assert!(check_count(1_431_655_765).is_ok());
+        assert!(check_count(1_431_655_766).is_err() && check_count(usize::MAX).is_err());
         assert_eq!(changed(|_| {}), None);
         for (message, key) in [
             (changed(|builder| _ = builder.masses.pop()), "particles.masses"),

@@ -89,7 +89,6 @@ impl System {
 #[derive(Debug)]
 struct Renumbered {
     law: Arc<dyn SpringLaw>,
-    /// The original number of every spring.
     numbers: Vec<usize>,
 }
 
@@ -185,19 +184,22 @@ mod tests {
         assert_eq!((system.pairs(), system.elastic_energy(0, &at, 0.0)), (&[[2, 3]][..], 2.0));
         let spring = system.spring_at(0, 1.5, 0.0);
         assert_eq!(spring.stiffness * (1.5 / spring.rest_length - 1.0), 2.0);
+        // The tangent: k = T' l − T and l0 = k/T'.
+        assert_eq!((spring.stiffness, spring.rest_length), (-0.5, -0.5));
     }
 
     #[test]
     fn parameters_that_break_a_rule_are_refused() {
         let (system, _) = chain();
-        let refused = |springs| system.with_springs(springs).unwrap_err().to_string();
-        assert!(refused(vec![SPRING; 2]).starts_with("springs.stiffness = a list of 2: must have one entry"));
-        let negative = [SPRING, Spring { stiffness: -1.0, ..SPRING }, SPRING];
-        assert_eq!(refused(negative.to_vec()), "springs.stiffness[1] = -1: must be finite and positive");
-        let negative = [SPRING, SPRING, Spring { damping: -1.0, ..SPRING }];
-        assert_eq!(refused(negative.to_vec()), "springs.damping[2] = -1: must be finite and not negative");
-        let without = [SPRING, SPRING, Spring { rest_length: 0.0, ..SPRING }];
-        assert!(refused(without.to_vec()).contains("has no rest length to change"));
+        for (springs, rule) in [
+            (vec![SPRING; 2], "springs.stiffness = a list of 2: must have one entry"),
+            (vec![SPRING, Spring { stiffness: -1.0, ..SPRING }, SPRING], "springs.stiffness[1] = -1: must be"),
+            (vec![SPRING, SPRING, Spring { damping: -1.0, ..SPRING }], "springs.damping[2] = -1: must be"),
+            (vec![SPRING, SPRING, Spring { rest_length: 0.0, ..SPRING }], "has no rest length to change"),
+        ] {
+            let message = system.with_springs(springs).unwrap_err().to_string();
+            assert!(message.contains(rule), "{message}");
+        }
     }
 
     #[test]

@@ -21,6 +21,13 @@ pub enum Motion {
 }
 
 impl Motion {
+    fn kinks(&self) -> &[f64] {
+        match self {
+            Self::Held | Self::Velocity(_) => &[],
+            Self::Path { times, .. } => times,
+        }
+    }
+
     /// Offset along one axis at time t, in m.
     pub fn offset(&self, t: f64, axis: usize) -> f64 {
         match self {
@@ -90,20 +97,9 @@ pub struct Prescribed {
 
 #[derive(Debug, Clone, Copy)]
 struct Coordinate {
-    particle: u32,
-    axis: u8,
-    motion: u32,
+    dof: Dof,
+    motion: usize,
     start: f64,
-}
-
-impl Coordinate {
-    fn new(dof: Dof, motion: usize, start: f64) -> Self {
-        Self { particle: dof.particle as u32, axis: dof.axis as u8, motion: motion as u32, start }
-    }
-
-    fn dof(&self) -> Dof {
-        Dof { particle: self.particle as usize, axis: usize::from(self.axis) }
-    }
 }
 
 impl Prescribed {
@@ -122,12 +118,12 @@ impl Prescribed {
         let mut coordinates = Vec::with_capacity(applied.len());
         for ((particle, axis), motion) in applied {
             axes[particle] = axes[particle].with(axis);
-            coordinates.push(Coordinate::new(Dof { particle, axis }, motion, positions[particle][axis]));
+            coordinates.push(Coordinate { dof: Dof { particle, axis }, motion, start: positions[particle][axis] });
         }
         // A motion that is overridden everywhere has no kinks. One that moves no particle of this part of a system keeps them: all parts
         // take the same steps.
         let is_overridden = |index: usize, particles: &[usize]| {
-            !particles.is_empty() && coordinates.iter().all(|c: &Coordinate| c.motion as usize != index)
+            !particles.is_empty() && coordinates.iter().all(|c: &Coordinate| c.motion != index)
         };
         let used = |(index, Constraint { particles, motion, .. }): (usize, Constraint)| {
             if is_overridden(index, &particles) { Motion::Held } else { motion }
@@ -140,25 +136,25 @@ impl Prescribed {
     pub(super) fn with_held(&self, held: &[Dof], positions: &[Vector3<f64>]) -> Self {
         let mut coordinates = self.coordinates.clone();
         let motion = self.motions.len();
-        coordinates.extend(held.iter().map(|&dof| Coordinate::new(dof, motion, positions[dof.particle][dof.axis])));
+        let start = |dof: Dof| positions[dof.particle][dof.axis];
+        coordinates.extend(held.iter().map(|&dof| Coordinate { dof, motion, start: start(dof) }));
         // The sort is stable: the older of two entries for one coordinate stays.
-        coordinates.sort_by_key(|c| (c.particle, c.axis));
-        coordinates.dedup_by_key(|c| (c.particle, c.axis));
+        coordinates.sort_by_key(|c| (c.dof.particle, c.dof.axis));
+        coordinates.dedup_by_key(|c| c.dof);
         let motions = self.motions.iter().cloned().chain([Motion::Held]).collect();
         Self { motions, coordinates, kinks: self.kinks.clone() }
     }
 
-    /// These without some coordinates.
     pub(super) fn without(mut self, is_removed: impl Fn(&Dof) -> bool) -> Self {
-        self.coordinates.retain(|c| !is_removed(&c.dof()));
+        self.coordinates.retain(|c| !is_removed(&c.dof));
         self
     }
 
     /// The motions shifted to the positions of a state, except where they agree with it to rounding.
     pub(super) fn shifted_to(mut self, state: &State) -> Self {
         for c in &mut self.coordinates {
-            let (motion, axis) = (&self.motions[c.motion as usize], usize::from(c.axis));
-            let Some(position) = state.positions.get(c.particle as usize).map(|x| x[axis]) else { continue };
+            let (motion, Dof { particle, axis }) = (&self.motions[c.motion], c.dof);
+            let Some(position) = state.positions.get(particle).map(|x| x[axis]) else { continue };
             let offset = motion.offset(state.time, axis);
             let travel = motion.velocity(state.time, axis) * state.time;
             // The rounding error is relative to the largest term of the sum.
@@ -170,7 +166,6 @@ impl Prescribed {
         self
     }
 
-    /// Sets the times at which gravity or rest lengths have kinks.
     pub(super) fn set_load_kinks(&mut self, mut times: Vec<f64>) {
         times.sort_by(f64::total_cmp);
         times.dedup();
@@ -184,7 +179,7 @@ impl Prescribed {
 
     /// True if any prescribed coordinate moves.
     pub fn moves(&self) -> bool {
-        self.coordinates.iter().any(|c| self.motions[c.motion as usize] != Motion::Held)
+        self.coordinates.iter().any(|c| self.motions[c.motion] != Motion::Held)
     }
 
     /// The motions, one for each constraint.
@@ -194,12 +189,8 @@ impl Prescribed {
 
     /// The times of all kinks of paths, gravity and rest lengths, ascending, in s.
     pub fn kinks(&self) -> Vec<f64> {
-        let of = |motion: &Motion| match motion {
-            Motion::Path { times, .. } => times.clone(),
-            Motion::Held | Motion::Velocity(_) => Vec::new(),
-        };
-        let mut kinks = self.kinks.clone();
-        kinks.extend(self.motions.iter().flat_map(of));
+        let of_paths = self.motions.iter().flat_map(Motion::kinks);
+        let mut kinks: Vec<f64> = self.kinks.iter().chain(of_paths).copied().collect();
         kinks.sort_by(f64::total_cmp);
         kinks
     }
@@ -207,16 +198,13 @@ impl Prescribed {
     /// The first time after t at which a path, gravity or a rest length has a kink, in s.
     pub fn next_kink(&self, t: f64) -> Option<f64> {
         let after = |times: &[f64]| times.get(times.partition_point(|&time| time <= t)).copied();
-        let first = |motion: &Motion| match motion {
-            Motion::Path { times, .. } => after(times),
-            Motion::Held | Motion::Velocity(_) => None,
-        };
-        self.motions.iter().filter_map(first).chain(after(&self.kinks)).min_by(f64::total_cmp)
+        let of_paths = self.motions.iter().filter_map(|motion| after(motion.kinks()));
+        of_paths.chain(after(&self.kinks)).min_by(f64::total_cmp)
     }
 
     /// The prescribed coordinates by particle, then axis, each with its start, in m, and the index of its motion.
     pub fn iter(&self) -> impl Iterator<Item = (Dof, f64, usize)> + '_ {
-        self.coordinates.iter().map(|c| (c.dof(), c.start, c.motion as usize))
+        self.coordinates.iter().map(|c| (c.dof, c.start, c.motion))
     }
 
     /// The number of prescribed coordinates.
@@ -229,33 +217,28 @@ impl Prescribed {
         self.coordinates.is_empty()
     }
 
-    /// Particle, axis and position at time t of every prescribed coordinate.
-    fn targets(&self, t: f64) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
-        self.coordinates.iter().map(move |c| {
-            let (particle, axis) = (c.particle as usize, usize::from(c.axis));
-            (particle, axis, c.start + self.motions[c.motion as usize].offset(t, axis))
-        })
+    /// The position at time t of every prescribed coordinate.
+    fn targets(&self, t: f64) -> impl Iterator<Item = (Dof, f64)> + '_ {
+        self.coordinates.iter().map(move |c| (c.dof, c.start + self.motions[c.motion].offset(t, c.dof.axis)))
     }
 
     /// Sets the prescribed coordinates of full-length positions to their values at time t.
     pub fn set_positions(&self, t: f64, positions: &mut [Vector3<f64>]) {
-        for (particle, axis, target) in self.targets(t) {
+        for (Dof { particle, axis }, target) in self.targets(t) {
             positions[particle][axis] = target;
         }
     }
 
     /// Sets the prescribed components of full-length velocities to their values just after time t.
     pub fn set_velocities(&self, t: f64, velocities: &mut [Vector3<f64>]) {
-        for c in &self.coordinates {
-            let axis = usize::from(c.axis);
-            velocities[c.particle as usize][axis] = self.motions[c.motion as usize].velocity(t, axis);
+        for &Coordinate { dof: Dof { particle, axis }, motion, .. } in &self.coordinates {
+            velocities[particle][axis] = self.motions[motion].velocity(t, axis);
         }
     }
 
-    /// Sets the prescribed components of full-length velocities to the mean velocity from `positions` to the position at time t within
-    /// dt seconds.
+    /// Sets the prescribed components of full-length velocities to the mean velocity from `positions` to the position at time t within dt seconds.
     pub fn set_mean_velocities(&self, t: f64, dt: f64, positions: &[Vector3<f64>], velocities: &mut [Vector3<f64>]) {
-        for (particle, axis, target) in self.targets(t) {
+        for (Dof { particle, axis }, target) in self.targets(t) {
             velocities[particle][axis] = (target - positions[particle][axis]) / dt;
         }
     }
@@ -264,7 +247,7 @@ impl Prescribed {
     /// zero elsewhere (*Set-Boundary-Conditions* in the lecture notes).
     pub fn displacement(&self, t: f64, positions: &[Vector3<f64>], displacement: &mut [Vector3<f64>]) {
         displacement.fill(Vector3::zeros());
-        for (particle, axis, target) in self.targets(t) {
+        for (Dof { particle, axis }, target) in self.targets(t) {
             displacement[particle][axis] = target - positions[particle][axis];
         }
     }

@@ -123,7 +123,6 @@ impl Loads {
         }
     }
 
-    /// An error for the first value that breaks a rule.
     pub(super) fn check(&self, particles: usize, dimension: usize) -> Result<(), Invalid> {
         for (key, count) in [("forces", self.forces.len()), ("drag.coefficient", self.drag.len())] {
             if count > 0 {
@@ -259,7 +258,6 @@ impl Behaviour {
         indices
     }
 
-    /// An error for the first value that breaks a rule.
     pub(super) fn check(&self, springs: &[Spring]) -> Result<(), Invalid> {
         if !self.tension_only.is_empty() {
             check_length("springs.tension_only", self.tension_only.len(), springs.len(), "springs")?;

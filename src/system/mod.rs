@@ -30,24 +30,6 @@ use std::sync::Arc;
 ///
 /// A [`SystemBuilder`] checks every value, so a `System` is valid by construction. Vectors always have three components; in a planar or
 /// one-dimensional scene the absent ones are zero and have no degree of freedom.
-///
-/// # Examples
-/// ```
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, state) = builder.build()?;
-/// assert_eq!(system.active_springs(), [0]);
-/// // Three rows for the free particle.
-/// assert_eq!(system.dofs().rows(1), 0..3);
-/// // One more coordinate held.
-/// let line = system.with_held(&[sprung::system::Dof { particle: 1, axis: 2 }], &state.positions);
-/// assert_eq!(line.dofs().len(), 2);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone)]
 pub struct System {
     dimension: usize,
@@ -183,7 +165,6 @@ impl System {
         self.spring_with(LawValues::NONE, number, length, time)
     }
 
-    /// As [`spring_at`](Self::spring_at), with the law values of this configuration.
     #[inline]
     pub(crate) fn spring_with(&self, values: &LawValues, number: usize, length: f64, time: f64) -> Spring {
         let spring = self.spring_then(number, time);
@@ -207,10 +188,11 @@ impl System {
     /// The parameters of all springs, those between prescribed particles included; see [`spring_at`](Self::spring_at).
     pub fn springs_at(&self, at: &StateView<'_>) -> Vec<Spring> {
         let law = self.law_values(at.positions, at.time);
-        let length = |[i, j]: [usize; 2]| (at.positions[i] - at.positions[j]).norm();
-        (0..self.springs.len())
-            .map(|number| self.spring_with(&law, number, length(self.pair(number)), at.time))
-            .collect()
+        let spring = |number: usize| {
+            let [i, j] = self.pair(number);
+            self.spring_with(&law, number, (at.positions[i] - at.positions[j]).norm(), at.time)
+        };
+        (0..self.springs.len()).map(spring).collect()
     }
 
     /// The values of a law that is evaluated for all springs at once; otherwise empty.
@@ -222,7 +204,6 @@ impl System {
         self.law_values_of(length, time)
     }
 
-    /// As [`law_values`](Self::law_values), from the length of each spring.
     pub(crate) fn law_values_of(&self, length: impl Fn(usize) -> f64, time: f64) -> LawValues {
         let Some(law) = self.law.as_ref().filter(|law| law.is_asked_at_once()) else { return LawValues::default() };
         let numbers = 0..self.springs.len();
@@ -244,12 +225,10 @@ impl System {
         self.elastic_energy_with(LawValues::NONE, number, at, time)
     }
 
-    /// As [`elastic_energy`](Self::elastic_energy), with the law values of this configuration.
     pub(crate) fn elastic_energy_with(&self, values: &LawValues, number: usize, at: &Extension, time: f64) -> f64 {
         self.elastic_energy_of(values, number, &self.spring_then(number, time), at)
     }
 
-    /// The elastic energy of a spring with these parameters, in J.
     pub(crate) fn elastic_energy_of(&self, values: &LawValues, number: usize, spring: &Spring, at: &Extension) -> f64 {
         match &self.law {
             Some(law) => values.get(number).map_or_else(|| law.energy(number, spring, at.length), |value| value.energy),
@@ -309,12 +288,11 @@ impl System {
     /// The active springs with their ends, in order: (spring, [i, j], parameters).
     #[inline]
     pub fn active(&self) -> impl ExactSizeIterator<Item = (usize, [usize; 2], &Spring)> + '_ {
-        self.active.iter().map(|&s| (s as usize, self.pair(s as usize), &self.springs[s as usize]))
+        self.active_from(0)
     }
 
-    /// The active springs from position `first` on.
     #[inline]
-    pub(crate) fn active_from(&self, first: usize) -> impl Iterator<Item = (usize, [usize; 2], &Spring)> + '_ {
+    pub(crate) fn active_from(&self, first: usize) -> impl ExactSizeIterator<Item = (usize, [usize; 2], &Spring)> + '_ {
         let springs = self.active.get(first..).unwrap_or_default();
         springs.iter().map(|&s| (s as usize, self.pair(s as usize), &self.springs[s as usize]))
     }
@@ -330,7 +308,6 @@ impl System {
     }
 }
 
-/// Indices of the springs with a free end.
 fn active_springs(pairs: &[[u32; 2]], dofs: &DofMap) -> Vec<u32> {
     let is_free = |&p: &u32| dofs.free_axes(p as usize) != Axes::NONE;
     (0u32..).zip(pairs).filter(|(_, pair)| pair.iter().any(is_free)).map(|(s, _)| s).collect()
@@ -338,54 +315,3 @@ fn active_springs(pairs: &[[u32; 2]], dofs: &DofMap) -> Vec<u32> {
 
 #[cfg(test)]
 pub(crate) mod fixtures;
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A constant tension of 3 N.
-    #[derive(Debug)]
-    struct Pull;
-
-    impl SpringLaw for Pull {
-        fn tension(&self, number: usize, _: &Spring, length: f64) -> crate::spring::Tension {
-            crate::spring::Tension { force: 3.0, slope: 4.0 * length + number as f64 }
-        }
-
-        fn energy(&self, _: usize, _: &Spring, length: f64) -> f64 {
-            3.0 * length
-        }
-    }
-
-    #[derive(Debug)]
-    struct Wind;
-
-    impl ExternalForce for Wind {
-        fn add(&self, _: &StateView<'_>, force: &mut [Vector3<f64>]) {
-            force.iter_mut().for_each(|force| force.x += 1.0);
-        }
-    }
-
-    #[test]
-    fn laws_and_forces_are_part_of_a_system() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([2.0, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 8.0, rest_length: 1.0, damping: 0.5 });
-        let (system, _) = builder.build().unwrap();
-        let at = Extension { direction: Vector3::x(), length: 2.0 };
-        assert_eq!((system.elastic_energy(0, &at, 0.0), system.spring_at(0, 2.0, 0.0)), (4.0, system.springs()[0]));
-        assert!(system.is_damped());
-
-        let of_law = system.clone().with_spring_law(Pull);
-        assert!(of_law.has_spring_law() && !of_law.has_external_forces());
-        assert_eq!(of_law.elastic_energy(0, &at, 0.0), 6.0);
-        // The tangent: k = T' l − T = 13 and l0 = 13/8.
-        let tangent = of_law.spring_at(0, 2.0, 0.0);
-        assert_eq!(tangent, Spring { stiffness: 13.0, rest_length: 1.625, damping: 0.5 });
-
-        let forced = system.with_external_force(Wind).with_external_force(Wind);
-        assert!(forced.has_external_forces() && !forced.has_spring_law());
-        assert_eq!(forced.external_forces().count(), 2);
-    }
-}

@@ -1,14 +1,11 @@
 //! Partitions of a system among threads and among processes.
 //!
-//! **Threads.** A [`ThreadPartition`] owns consecutive particles and lists all active springs that end in them; a spring between two partitions is
-//! in both. A thread goes through its springs in order and adds to its own particles only, so every sum has the terms and the order of a
-//! sequential one: results are the same to the bit for any number of threads.
+//! **Threads.** A [`ThreadPartition`] owns consecutive particles and lists all active springs that end in them, in order; a spring between two
+//! partitions is in both. Sums over them have the terms and the order of sequential ones: results have the same bits for any number of threads.
 //!
 //! **Processes.** A subdomain is a system whose own particles come first, followed by *ghosts*: copies of the particles of other subdomains that its
-//! own are joined to. It has every spring that ends in an own particle, and both subdomains compute a spring between them. Forces on own
-//! particles are therefore complete; those on ghosts are not and are never used. Sums and maxima run over own particles and springs and
-//! are combined by a [`Communicator`], which also copies positions and velocities to ghosts, and makes a failure of one subdomain a failure
-//! of all. For a system that is not a subdomain these operations do nothing.
+//! own are joined to. It has every spring that ends in an own particle: forces on own particles are complete, and those on ghosts are never used. Sums
+//! and maxima run over own particles and springs and are combined by a [`Communicator`], which does nothing for a system that is not a subdomain.
 
 use super::System;
 use nalgebra::Vector3;
@@ -33,7 +30,6 @@ pub trait Communicator: std::fmt::Debug + Send + Sync {
     fn spring(&self, spring: usize) -> usize;
 }
 
-/// The properties of a system that is a subdomain.
 #[derive(Debug, Clone)]
 pub(super) struct Subdomain {
     own: usize,
@@ -68,7 +64,6 @@ impl System {
         self.subdomain.as_ref().map_or_else(here, |subdomain| subdomain.is_damped)
     }
 
-    /// Sums over all subdomains.
     pub(crate) fn total<const N: usize>(&self, mut numbers: [f64; N]) -> [f64; N] {
         if let Some(communicator) = self.communicator() {
             communicator.sum(&mut numbers);
@@ -76,7 +71,6 @@ impl System {
         numbers
     }
 
-    /// Maxima over all subdomains.
     pub(crate) fn largest<const N: usize>(&self, mut numbers: [f64; N]) -> [f64; N] {
         if let Some(communicator) = self.communicator() {
             communicator.largest(&mut numbers);
@@ -84,18 +78,17 @@ impl System {
         numbers
     }
 
-    /// Copies the vectors of particles from their owners to ghosts.
     pub(crate) fn halo_exchange(&self, vectors: &mut [Vector3<f64>]) {
         if let Some(communicator) = self.communicator() {
             communicator.halo_exchange(vectors);
         }
     }
+
     pub(crate) fn communicator(&self) -> Option<&dyn Communicator> {
         self.subdomain.as_ref().map(|subdomain| &*subdomain.communicator)
     }
 
-    /// One partition for each current thread, or fewer where the system has few springs; about as many springs end in each. They are
-    /// computed once for each number of threads.
+    /// One partition for each current thread, or fewer where there are few springs, in which about as many springs end; computed once for each number.
     pub(crate) fn all_partitions(&self) -> Arc<[ThreadPartition]> {
         let count = partition_count(self);
         let mut known = self.partitions.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -106,6 +99,7 @@ impl System {
         known.push((count, partitions.clone()));
         partitions
     }
+
     pub(crate) fn thread_partitions(&self) -> Option<Arc<[ThreadPartition]>> {
         (partition_count(self) > 1).then(|| self.all_partitions())
     }
@@ -114,7 +108,6 @@ impl System {
 /// Springs below which a partition does not pay for its thread.
 const LEAST_SPRINGS: usize = 8192;
 
-/// Consecutive particles and the springs that end in them.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ThreadPartition {
     pub particles: Range<usize>,

@@ -59,7 +59,6 @@ impl State {
         self.time.is_finite() && are_finite(&self.positions) && are_finite(&self.velocities)
     }
 
-    /// True if no component is NaN or exceeds [`LARGEST`](Self::LARGEST).
     pub(crate) fn is_finite_vector(v: &Vector3<f64>) -> bool {
         v.iter().all(|c| c.abs() <= Self::LARGEST)
     }

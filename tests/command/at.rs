@@ -15,8 +15,7 @@ const MATRICES: [&str; 6] = ["A.mtx", "M.mtx", "G.mtx", "K.mtx", "b.mtx", "dofs.
 #[test]
 fn matrices_after_steps_are_those_at_the_state_of_a_run() {
     let sandbox = Sandbox::new();
-    let cloth = sandbox.sprung(&["new", "cloth", "--size", "9"]).ends_with(0).stdout;
-    sandbox.put("cloth.toml", &cloth);
+    sandbox.put_ready("cloth", "9");
     sandbox.put("triangle.toml", TRIANGLE);
     for scene in ["cloth.toml".to_owned(), "triangle.toml".to_owned(), repository_scene("moving_anchor.toml")] {
         let matrix =
@@ -53,8 +52,7 @@ fn matrices_after_steps_are_those_at_the_state_of_a_run() {
 /// Past its critical step a spring that is pressed has no step under `full`; what is said is that the way there broke down.
 #[test]
 fn matrices_of_a_state_that_is_not_reached_are_not_written() {
-    let sandbox = Sandbox::new();
-    sandbox.put("fast.toml", &TRIANGLE.replace("[[0.3, 0.0]", "[[1e150, 0.0]"));
+    let sandbox = Sandbox::with("fast.toml", &TRIANGLE.replace("[[0.3, 0.0]", "[[1e150, 0.0]"));
     let answer = sandbox.sprung(&["matrix", "fast.toml", "--dt", "10", "--steps", "3", "--out", "o"]).ends_with(1);
     answer.complains(&["non-finite in step"]);
     assert_eq!(sandbox.names("."), ["fast.toml"]);
@@ -145,8 +143,7 @@ fn a_scene_is_changed_in_mid_run() {
 
 #[test]
 fn the_other_commands_look_at_the_state_too() {
-    let sandbox = Sandbox::new();
-    sandbox.put("triangle.toml", TRIANGLE);
+    let sandbox = Sandbox::with("triangle.toml", TRIANGLE);
     run(&sandbox, "triangle.toml --steps 6 --out o");
     let inspect =
         |more: &[&str]| sandbox.sprung(&[&["inspect", "triangle.toml", "--json"], more].concat()).ends_with(0).json();
@@ -173,8 +170,7 @@ fn the_other_commands_look_at_the_state_too() {
 /// A state that does not fit is refused by file, key, index and value, and nothing is written.
 #[test]
 fn states_that_do_not_fit_are_refused() {
-    let sandbox = Sandbox::new();
-    sandbox.put("triangle.toml", TRIANGLE);
+    let sandbox = Sandbox::with("triangle.toml", TRIANGLE);
     let good = r#"{"time": 0.5, "positions": [[0, 0], [1, 0], [0, 1]], "velocities": [[0, 0], [0, 0], [0, 0]]}"#;
     let cases = [
         (

@@ -55,8 +55,7 @@ fn an_explosion_ends_the_run_with_its_last_finite_state() {
 #[test]
 fn energy_from_nowhere_ends_the_run() {
     let sandbox = Sandbox::new();
-    let cloth = sandbox.sprung(&["new", "cloth", "--size", "20"]).ends_with(0).stdout;
-    sandbox.put("cloth.toml", &cloth);
+    sandbox.put_ready("cloth", "20");
     let arguments = ["run", "cloth.toml", "--method", "w2", "--dt", "0.01", "--steps", "50", "--out", "o"];
     sandbox.sprung(&arguments).ends_with(1).complains(&["unstable", "from nowhere", "--allow-unstable"]);
     let summary = sandbox.json("o/summary.json");
@@ -97,8 +96,7 @@ fn ends_that_meet_end_the_run() {
     dt = 0.5
     duration = 2
     "#;
-    let files = Sandbox::new();
-    files.put("meeting.toml", scene);
+    let files = Sandbox::with("meeting.toml", scene);
     let path = files.path("meeting.toml");
     let (_, summary) = breaks_down(path.to_str().unwrap(), &[], "degenerate-spring", "spring 0 has length zero");
     assert_eq!((&summary["scene"], &summary["time"]), (&json!("meeting"), &json!(1.0)));

@@ -20,9 +20,7 @@ duration = 1
 "#;
 
 fn sandbox() -> Sandbox {
-    let sandbox = Sandbox::new();
-    sandbox.put("spring.toml", SPRING);
-    sandbox
+    Sandbox::with("spring.toml", SPRING)
 }
 
 fn run(sandbox: &Sandbox, more: &[&str]) -> Answer {

@@ -19,8 +19,7 @@ fn critical() -> f64 {
 
 #[test]
 fn reports_everything_as_json() {
-    let sandbox = Sandbox::new();
-    sandbox.put("short.toml", SPRING);
+    let sandbox = Sandbox::with("short.toml", SPRING);
     let answer = sandbox.sprung(&["inspect", "short.toml", "--json"]);
     assert_eq!(answer.status, Some(0), "{}", answer.stderr);
     let json = answer.json();
@@ -55,8 +54,7 @@ fn reports_everything_as_json() {
 
 #[test]
 fn tells_people_the_same_and_draws_it() {
-    let sandbox = Sandbox::new();
-    sandbox.put("short.toml", SPRING);
+    let sandbox = Sandbox::with("short.toml", SPRING);
     let answer = sandbox.sprung(&["inspect", "short.toml", "--out", "pictures"]);
     assert_eq!(answer.status, Some(0), "{}", answer.stderr);
     // The first answer goes to where progress does, before there is any result.
@@ -85,8 +83,7 @@ fn tells_people_the_same_and_draws_it() {
 
 #[test]
 fn takes_a_step_where_none_is_given_and_says_so() {
-    let sandbox = Sandbox::new();
-    sandbox.put("short.toml", &SPRING.replace("time = { dt = 0.1, duration = 1 }", ""));
+    let sandbox = Sandbox::with("short.toml", &SPRING.replace("time = { dt = 0.1, duration = 1 }", ""));
     let answer = sandbox.sprung(&["inspect", "short.toml", "--json"]).ends_with(0);
     answer.complains(&["no dt was given: 0.01 s is taken"]);
     assert_eq!(answer.json()["dt"], 0.01);
@@ -96,7 +93,7 @@ fn takes_a_step_where_none_is_given_and_says_so() {
 #[test]
 fn a_step_that_the_matrix_allows_and_the_motion_does_not_is_told() {
     let sandbox = Sandbox::new();
-    sandbox.put("cloth.toml", &sandbox.sprung(&["new", "cloth", "--size", "10"]).ends_with(0).stdout);
+    sandbox.put_ready("cloth", "10");
     let answer = sandbox.sprung(&["run", "cloth.toml", "--dt", "0.05", "--stiffness", "full"]);
     answer.ends_with(1);
     let json = sandbox.sprung(&["inspect", "cloth.toml", "--dt", "0.05", "--json"]).ends_with(0).json();
@@ -144,8 +141,7 @@ fn the_readme_shows_what_is_printed() {
 
 #[test]
 fn quiet_about_a_definite_matrix() {
-    let sandbox = Sandbox::new();
-    sandbox.put("short.toml", SPRING);
+    let sandbox = Sandbox::with("short.toml", SPRING);
     let answer = sandbox.sprung(&["inspect", "short.toml", "--dt", "0.01", "--json"]);
     let json = answer.json();
     assert_eq!((json["definite"].as_bool(), json["smallest_set"].is_null()), (Some(true), true));
@@ -180,8 +176,7 @@ fn says_when_along_a_run_definiteness_is_first_lost() {
 
 #[test]
 fn a_run_that_ends_indefinite_explains_itself_and_can_be_repeated() {
-    let sandbox = Sandbox::new();
-    sandbox.put("short.toml", SPRING);
+    let sandbox = Sandbox::with("short.toml", SPRING);
     let answer = sandbox.sprung(&["run", "short.toml", "--stiffness", "full", "--out", "out"]);
     assert_eq!(answer.status, Some(1));
     let said = |line: &&str| line.starts_with("error: ") || line.starts_with("help: ");
@@ -214,8 +209,7 @@ fn a_run_that_ends_indefinite_explains_itself_and_can_be_repeated() {
 
 #[test]
 fn refuses_what_it_cannot_use_and_writes_nothing() {
-    let sandbox = Sandbox::new();
-    sandbox.put("short.toml", &SPRING.replace("time = { dt = 0.1, duration = 1 }", ""));
+    let sandbox = Sandbox::with("short.toml", &SPRING.replace("time = { dt = 0.1, duration = 1 }", ""));
     for (arguments, part) in [
         (&["inspect", "short.toml", "--dt", "0"][..], "positive"),
         (&["inspect", "short.toml", "--dt", "0.1", "--stiffness", "none"], "none"),
@@ -256,8 +250,7 @@ fn a_degenerate_eigenvector_is_said_to_be_one() {
 /// Every picture names the scene and says in a sentence what it shows.
 #[test]
 fn pictures_have_titles_and_conclusions() {
-    let sandbox = Sandbox::new();
-    sandbox.put("short.toml", SPRING);
+    let sandbox = Sandbox::with("short.toml", SPRING);
     sandbox.sprung(&["inspect", "short.toml", "--out", "o"]).ends_with(0);
     let pictures = [
         ("scene.svg", "Spring 0 (0–1) spoils A most, with 100 % of the negative curvature; no other spring does."),

@@ -8,8 +8,7 @@ use std::time::{Duration, Instant};
 
 /// A run of a billion steps that has written at least one frame after the first, started over older results.
 fn long_run(sandbox: &Sandbox) -> Child {
-    let scene = sandbox.sprung(&["new", "cloth", "--size", "4"]).ends_with(0).stdout;
-    sandbox.put("cloth.toml", &scene);
+    sandbox.put_ready("cloth", "4");
     for name in ["summary.json", "final.json", "energy.csv"] {
         sandbox.put(&format!("o/{name}"), "old");
     }
@@ -84,8 +83,7 @@ fn in_the_making(sandbox: &Sandbox) -> Vec<String> {
 #[test]
 fn an_interrupted_search_leaves_the_best_answer_with_its_estimate() {
     let sandbox = Sandbox::new();
-    let scene = sandbox.sprung(&["new", "cloth", "--size", "8"]).ends_with(0).stdout;
-    sandbox.put("cloth.toml", &scene);
+    sandbox.put_ready("cloth", "8");
     let arguments =
         ["run", "cloth.toml", "--method", "dop853", "--accuracy", "1e-8", "--duration", "5", "--out", "o", "--json"];
     let child = sandbox.command(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();

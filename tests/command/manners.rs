@@ -111,8 +111,7 @@ fn colour_is_a_choice() {
 /// Hints are not errors: they say what can be done.
 #[test]
 fn hints_are_called_help() {
-    let sandbox = Sandbox::new();
-    sandbox.put("column.toml", &builtin::column(9).unwrap().to_toml());
+    let sandbox = Sandbox::with("column.toml", &builtin::column(9).unwrap().to_toml());
     let run = [
         "run",
         "column.toml",

@@ -55,8 +55,7 @@ fn dense(matrix: &SymmetricMatrix) -> DMatrix<f64> {
 
 #[test]
 fn a_small_system_is_the_one_worked_out_by_hand() {
-    let sandbox = Sandbox::new();
-    sandbox.put("line.toml", LINE);
+    let sandbox = Sandbox::with("line.toml", LINE);
     sandbox.sprung(&["matrix", "line.toml"]).ends_with(0);
     let names = ["A.mtx", "G.mtx", "K.mtx", "M.mtx", "b.mtx", "dofs.csv"];
     assert_eq!(sandbox.names("out/line"), names);
@@ -148,8 +147,10 @@ fn rows_are_the_free_coordinates_by_particle_then_axis() {
 
 #[test]
 fn a_scene_in_which_nothing_can_move_has_empty_matrices() {
-    let sandbox = Sandbox::new();
-    sandbox.put("held.toml", "particles = { positions = [[1, 2]], masses = 1 }\nconstraints = [{ particles = [0] }]");
+    let sandbox = Sandbox::with(
+        "held.toml",
+        "particles = { positions = [[1, 2]], masses = 1 }\nconstraints = [{ particles = [0] }]",
+    );
     sandbox.sprung(&["matrix", "held.toml", "--dt", "0.1", "--out", "o"]).ends_with(0);
     assert_eq!(matrix(&sandbox, "o/A.mtx").shape(), (0, 0));
     assert_eq!(vector(&sandbox, "o/b.mtx").len(), 0);
@@ -158,8 +159,7 @@ fn a_scene_in_which_nothing_can_move_has_empty_matrices() {
 
 #[test]
 fn json_is_alone_on_stdout_and_quiet_is_silent() {
-    let sandbox = Sandbox::new();
-    sandbox.put("line.toml", LINE);
+    let sandbox = Sandbox::with("line.toml", LINE);
     let answer = sandbox.sprung(&["matrix", "line.toml", "--json", "--out", "o"]).ends_with(0);
     let expected = json!({
         "scene": "line", "time": 0.0, "dt": 0.5, "stiffness": "full", "particles": 3, "springs": 2, "dofs": 2,
@@ -175,8 +175,7 @@ fn json_is_alone_on_stdout_and_quiet_is_silent() {
 
 #[test]
 fn unusable_arguments_are_refused_before_anything_is_written() {
-    let sandbox = Sandbox::new();
-    sandbox.put("line.toml", LINE);
+    let sandbox = Sandbox::with("line.toml", LINE);
     let cases: [(&[&str], &[&str]); 7] = [
         (&["matrix", "line.toml", "--dt", "-1"], &["'-1'", "--dt"]),
         (&["matrix", "line.toml", "--stiffness", "on-demand"], &["'on-demand'", "--stiffness", "tension"]),
@@ -195,8 +194,7 @@ fn unusable_arguments_are_refused_before_anything_is_written() {
 /// Where no step is given the customary one is taken, and that is said.
 #[test]
 fn a_step_that_is_not_given_is_named() {
-    let sandbox = Sandbox::new();
-    sandbox.put("timeless.toml", LINE.split("time =").next().unwrap());
+    let sandbox = Sandbox::with("timeless.toml", LINE.split("time =").next().unwrap());
     let answer = sandbox.sprung(&["matrix", "timeless.toml", "--json"]).ends_with(0);
     assert_eq!(answer.json()["dt"], 0.01);
     answer.complains(&["no dt was given", "0.01 s"]);
@@ -204,8 +202,7 @@ fn a_step_that_is_not_given_is_named() {
 
 #[test]
 fn a_matrix_that_overflows_is_a_failed_computation() {
-    let sandbox = Sandbox::new();
-    sandbox.put("line.toml", LINE);
+    let sandbox = Sandbox::with("line.toml", LINE);
     let answer = sandbox.sprung(&["matrix", "line.toml", "--dt", "1e-170"]).ends_with(1);
     answer.complains(&["A has entries that are not finite", "1e-170"]);
     assert_eq!(sandbox.names("."), ["line.toml"]);

@@ -107,8 +107,7 @@ fn help() {
 /// Every unusable argument ends with status 2 and a message, says nothing on stdout and writes nothing.
 #[test]
 fn refusals() {
-    let sandbox = Sandbox::new();
-    sandbox.put("triangle.toml", TRIANGLE);
+    let sandbox = Sandbox::with("triangle.toml", TRIANGLE);
     sandbox.put("timeless.toml", &TRIANGLE[..TRIANGLE.find("[time]").unwrap()]);
     let mut said = String::new();
     for line in [
@@ -185,8 +184,7 @@ fn inspections() {
 /// What a run did: its first lines, up to the energies.
 #[test]
 fn runs() {
-    let sandbox = Sandbox::new();
-    sandbox.put("triangle.toml", TRIANGLE);
+    let sandbox = Sandbox::with("triangle.toml", TRIANGLE);
     let mut said = String::new();
     for options in [
         "",
@@ -246,8 +244,7 @@ fn structure(value: &Value) -> String {
 
 #[test]
 fn files() {
-    let sandbox = Sandbox::new();
-    sandbox.put("triangle.toml", TRIANGLE);
+    let sandbox = Sandbox::with("triangle.toml", TRIANGLE);
     sandbox.sprung(&["run", "triangle.toml", "--out", "run"]).ends_with(0);
     assert_is("keys-summary.json", &structure(&sandbox.json("run/summary.json")));
     assert_is("keys-final.json", &structure(&sandbox.json("run/final.json")));

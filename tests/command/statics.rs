@@ -67,7 +67,7 @@ fn array(sandbox: &Sandbox, file: &str, name: &str) -> (Vec<u64>, Vec<f64>) {
 #[test]
 fn a_cloth_comes_to_rest() {
     let sandbox = Sandbox::new();
-    sandbox.put("cloth.toml", &sandbox.sprung(&["new", "cloth", "--size", "6"]).ends_with(0).stdout);
+    sandbox.put_ready("cloth", "6");
     let answer = sandbox.sprung(&["equilibrium", "cloth.toml", "--json"]).ends_with(0);
     let found = answer.json();
     assert_eq!(answer.stderr, "");
@@ -101,8 +101,7 @@ fn a_cloth_comes_to_rest() {
 
 #[test]
 fn a_body_that_falls_has_no_equilibrium() {
-    let sandbox = Sandbox::new();
-    sandbox.put("triangle.toml", TRIANGLE);
+    let sandbox = Sandbox::with("triangle.toml", TRIANGLE);
     let answer = sandbox.sprung(&["equilibrium", "triangle.toml", "--json", "--out", "o"]).ends_with(1);
     let found = answer.json();
     assert_eq!((&found["status"], &found["falling"]), (&json!("none"), &json!([0, 1, 2])));
@@ -115,8 +114,7 @@ fn a_body_that_falls_has_no_equilibrium() {
 
 #[test]
 fn a_body_without_a_load_is_indifferent() {
-    let sandbox = Sandbox::new();
-    sandbox.put("square.toml", &square(1));
+    let sandbox = Sandbox::with("square.toml", &square(1));
     let found = sandbox.sprung(&["equilibrium", "square.toml", "--json"]).ends_with(0).json();
     assert_eq!((&found["status"], &found["inertia"]["zero"]), (&json!("indifferent"), &json!(3)));
 }
@@ -146,8 +144,7 @@ fn a_shallow_truss_snaps_through() {
 
 #[test]
 fn modes_are_those_of_the_textbook() {
-    let sandbox = Sandbox::new();
-    sandbox.put("triangle.toml", EQUILATERAL);
+    let sandbox = Sandbox::with("triangle.toml", EQUILATERAL);
     let found = sandbox.sprung(&["modes", "triangle.toml", "--json"]).ends_with(0).json();
     assert_eq!(found, sandbox.json("out/triangle/modes.json"));
     assert_eq!(sandbox.names("out/triangle"), ["modes.html", "modes.json", "modes.npz"]);
@@ -222,7 +219,7 @@ stiffness = 2.0
 #[test]
 fn growing_modes_have_no_frequency() {
     let sandbox = Sandbox::new();
-    sandbox.put("column.toml", &sandbox.sprung(&["new", "column", "--size", "3"]).ends_with(0).stdout);
+    sandbox.put_ready("column", "3");
     let answer = sandbox.sprung(&["modes", "column.toml", "-n", "2", "--json"]).ends_with(0).json();
     assert!(numbers(&answer["eigenvalues"])[0] < 0.0, "{answer}");
     assert_eq!((&answer["frequencies"][0], &answer["damping_ratios"][0]), (&Value::Null, &Value::Null));
@@ -265,8 +262,7 @@ fn a_square_has_a_mechanism_until_it_has_a_diagonal() {
 
 #[test]
 fn json_is_alone_on_stdout_and_quiet_is_silent() {
-    let sandbox = Sandbox::new();
-    sandbox.put("square.toml", &square(0));
+    let sandbox = Sandbox::with("square.toml", &square(0));
     for command in ["equilibrium", "modes", "mechanisms"] {
         let answer = sandbox.sprung(&[command, "square.toml", "--quiet"]).ends_with(0);
         assert_eq!((answer.stdout.as_str(), answer.stderr.as_str()), ("", ""), "{command}");
@@ -295,8 +291,10 @@ fn files_do_not_depend_on_threads() {
 
 #[test]
 fn a_scene_in_which_nothing_can_move_is_no_failure() {
-    let sandbox = Sandbox::new();
-    sandbox.put("held.toml", "particles = { positions = [[1, 2]], masses = 1 }\nconstraints = [{ particles = [0] }]");
+    let sandbox = Sandbox::with(
+        "held.toml",
+        "particles = { positions = [[1, 2]], masses = 1 }\nconstraints = [{ particles = [0] }]",
+    );
     let found = sandbox.sprung(&["equilibrium", "held.toml", "--json", "--out", "o"]).ends_with(0).json();
     assert_eq!(found["status"], "stable");
     let answer = sandbox.sprung(&["modes", "held.toml", "--json", "--out", "o"]).ends_with(0);
@@ -311,8 +309,7 @@ fn a_scene_in_which_nothing_can_move_is_no_failure() {
 
 #[test]
 fn unusable_arguments_are_refused_before_anything_is_written() {
-    let sandbox = Sandbox::new();
-    sandbox.put("square.toml", &square(0));
+    let sandbox = Sandbox::with("square.toml", &square(0));
     sandbox.put("other.json", r#"{"time": 0.0, "positions": [[0, 0]], "velocities": [[0, 0]]}"#);
     sandbox.put("bad.toml", &square(0).replace("[1, 0],", "[0, 0],"));
     let cases: [(&[&str], &[&str]); 9] = [

@@ -20,8 +20,7 @@ particles = [0]
 
 #[test]
 fn a_user_s_scene_is_verified_and_reported() {
-    let sandbox = Sandbox::new();
-    sandbox.put("swing.toml", PENDULUM);
+    let sandbox = Sandbox::with("swing.toml", PENDULUM);
     let answer = sandbox.sprung(&["verify", "swing.toml", "--json"]).ends_with(0);
     let report = answer.json();
     let checks = report["checks"].as_array().unwrap();
@@ -46,8 +45,7 @@ fn a_user_s_scene_is_verified_and_reported() {
 
 #[test]
 fn several_scenes_share_a_report_in_the_folder_asked_for() {
-    let sandbox = Sandbox::new();
-    sandbox.put("a.toml", PENDULUM);
+    let sandbox = Sandbox::with("a.toml", PENDULUM);
     sandbox.put("b.toml", &PENDULUM.replace("swing", "sway"));
     let answer = sandbox.sprung(&["verify", "a.toml", "b.toml", "--out", "here"]).ends_with(0);
     assert!(answer.stdout.contains("holds") && answer.stdout.contains("report.html"), "{}", answer.stdout);
@@ -57,8 +55,7 @@ fn several_scenes_share_a_report_in_the_folder_asked_for() {
 
 #[test]
 fn an_unusable_scene_is_refused_before_anything_is_computed_or_written() {
-    let sandbox = Sandbox::new();
-    sandbox.put("good.toml", PENDULUM);
+    let sandbox = Sandbox::with("good.toml", PENDULUM);
     sandbox.put("bad.toml", &PENDULUM.replace("masses = [1.0, 0.4]", "masses = [1.0, -0.4]"));
     let answer = sandbox.sprung(&["verify", "good.toml", "bad.toml"]).ends_with(2);
     answer.complains(&["bad.toml", "particles.masses", "1", "-0.4"]);
@@ -68,8 +65,7 @@ fn an_unusable_scene_is_refused_before_anything_is_computed_or_written() {
 
 #[test]
 fn a_scene_that_arithmetic_cannot_hold_fails_with_a_report() {
-    let sandbox = Sandbox::new();
-    sandbox.put("swing.toml", &PENDULUM.replace("stiffness = 25.0", "stiffness = 1e300"));
+    let sandbox = Sandbox::with("swing.toml", &PENDULUM.replace("stiffness = 25.0", "stiffness = 1e300"));
     let answer = sandbox.sprung(&["verify", "swing.toml"]).ends_with(1);
     assert!(answer.stdout.contains("FAILED"), "{}", answer.stdout);
     assert!(sandbox.read("out/swing/report.html").contains("failed"));

@@ -21,6 +21,13 @@ impl Sandbox {
         Self(tempfile::tempdir().unwrap())
     }
 
+    /// A folder with one file.
+    pub fn with(name: &str, text: &str) -> Self {
+        let sandbox = Self::new();
+        sandbox.put(name, text);
+        sandbox
+    }
+
     pub fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
@@ -32,6 +39,11 @@ impl Sandbox {
         fs::write(path, text).unwrap();
     }
 
+    /// Puts a ready scene into the folder: `cloth.toml` for a cloth.
+    pub fn put_ready(&self, kind: &str, size: &str) {
+        self.put(&format!("{kind}.toml"), &self.sprung(&["new", kind, "--size", size]).ends_with(0).stdout);
+    }
+
     pub fn read(&self, name: &str) -> String {
         fs::read_to_string(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
@@ -40,12 +52,12 @@ impl Sandbox {
         serde_json::from_str(&self.read(name)).unwrap()
     }
 
-    /// Rows of numbers; an empty field is not a number.
     /// The second line of a file as JSON.
     pub fn json_line(&self, name: &str) -> Value {
         serde_json::from_str(self.read(name).lines().nth(1).unwrap()).unwrap()
     }
 
+    /// Rows of numbers; an empty field is not a number.
     pub fn csv(&self, name: &str) -> Vec<Vec<f64>> {
         let text = self.read(name);
         let rows = csv::Reader::from_reader(text.as_bytes()).into_deserialize::<Vec<Option<f64>>>();

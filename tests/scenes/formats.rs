@@ -56,6 +56,12 @@ fn assert_same(left: &Scene, right: &Scene) {
     assert_eq!(format!("{left:?}"), format!("{right:?}"));
 }
 
+fn assert_reads_back(scene: &Scene) {
+    assert_same(&Scene::from_toml(&scene.to_toml()).unwrap(), scene);
+    assert_same(&Scene::from_json(&scene.to_json()).unwrap(), scene);
+    assert_same(&Scene::from_npz(Cursor::new(npz(scene))).unwrap(), scene);
+}
+
 #[test]
 fn toml_json_and_code_say_the_same() {
     assert_same(&Scene::from_toml(VALID_TOML).unwrap(), &valid_in_code());
@@ -68,9 +74,7 @@ fn every_builtin_scene_reads_back_to_the_bit() {
         for size in [1, 2, 3, kind.default_size()] {
             let scene = builtin(kind, size).unwrap();
             scene.build().unwrap();
-            assert_same(&Scene::from_toml(&scene.to_toml()).unwrap(), &scene);
-            assert_same(&Scene::from_json(&scene.to_json()).unwrap(), &scene);
-            assert_same(&Scene::from_npz(Cursor::new(npz(&scene))).unwrap(), &scene);
+            assert_reads_back(&scene);
         }
     }
 }
@@ -190,9 +194,7 @@ fn damaged(text: &'static str) -> impl Strategy<Value = String> {
 proptest! {
     #[test]
     fn any_scene_reads_back_to_the_bit(scene in scene()) {
-        assert_same(&Scene::from_toml(&scene.to_toml()).unwrap(), &scene);
-        assert_same(&Scene::from_json(&scene.to_json()).unwrap(), &scene);
-        assert_same(&Scene::from_npz(Cursor::new(npz(&scene))).unwrap(), &scene);
+        assert_reads_back(&scene);
     }
 
     #[test]

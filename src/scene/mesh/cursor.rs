@@ -8,19 +8,15 @@ pub struct Cursor<'a> {
     line: u32,
 }
 
-/// Types of binary numbers.
+/// A type of binary numbers: its class and its size in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
+pub struct Kind(Class, usize);
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Class {
+    Signed,
+    Unsigned,
+    Float,
 }
 
 /// The byte order of binary numbers.
@@ -31,16 +27,22 @@ pub enum Order {
 }
 
 impl Kind {
+    pub const I32: Self = Self(Class::Signed, 4);
+    pub const U32: Self = Self(Class::Unsigned, 4);
+    pub const U64: Self = Self(Class::Unsigned, 8);
+    pub const F32: Self = Self(Class::Float, 4);
+    pub const F64: Self = Self(Class::Float, 8);
+
     /// The type of a name in VTK or PLY.
     pub fn named(name: &str) -> Option<Self> {
         Some(match name.to_ascii_lowercase().as_str() {
-            "char" | "int8" | "signed_char" => Self::I8,
-            "uchar" | "uint8" | "unsigned_char" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" | "unsigned_short" => Self::U16,
+            "char" | "int8" | "signed_char" => Self(Class::Signed, 1),
+            "uchar" | "uint8" | "unsigned_char" => Self(Class::Unsigned, 1),
+            "short" | "int16" => Self(Class::Signed, 2),
+            "ushort" | "uint16" | "unsigned_short" => Self(Class::Unsigned, 2),
             "int" | "int32" => Self::I32,
             "uint" | "uint32" | "unsigned_int" => Self::U32,
-            "long" | "int64" | "vtktypeint64" | "vtkidtype" => Self::I64,
+            "long" | "int64" | "vtktypeint64" | "vtkidtype" => Self(Class::Signed, 8),
             "unsigned_long" | "uint64" => Self::U64,
             "float" | "float32" => Self::F32,
             "double" | "float64" => Self::F64,
@@ -50,35 +52,26 @@ impl Kind {
 
     /// Its size in bytes.
     pub fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-        }
+        self.1
     }
 
     /// The number in some bytes; NaN where there are too few. Whole numbers are exact up to 2⁵³.
     pub fn number(self, bytes: &[u8], order: Order) -> f64 {
+        let Self(class, size) = self;
         let mut eight = [0; 8];
-        let size = self.size();
         let (Some(bytes), Some(low)) = (bytes.get(..size), eight.get_mut(..size)) else { return f64::NAN };
         low.copy_from_slice(bytes);
         if order == Order::Big {
             low.reverse();
         }
         let bits = u64::from_le_bytes(eight);
-        match self {
-            Self::I8 => f64::from(bits as u8 as i8),
-            Self::U8 => f64::from(bits as u8),
-            Self::I16 => f64::from(bits as u16 as i16),
-            Self::U16 => f64::from(bits as u16),
-            Self::I32 => f64::from(bits as u32 as i32),
-            Self::U32 => f64::from(bits as u32),
-            Self::I64 => bits as i64 as f64,
-            Self::U64 => bits as f64,
-            Self::F32 => f64::from(f32::from_bits(bits as u32)),
-            Self::F64 => f64::from_bits(bits),
+        // The bits above those of the number, which its sign fills.
+        let above = 64 - 8 * size;
+        match class {
+            Class::Signed => ((bits << above) as i64 >> above) as f64,
+            Class::Unsigned => bits as f64,
+            Class::Float if size == 4 => f64::from(f32::from_bits(bits as u32)),
+            Class::Float => f64::from_bits(bits),
         }
     }
 }

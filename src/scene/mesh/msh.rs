@@ -99,15 +99,12 @@ impl Reader<'_> {
 
     /// The number at the start of a section: of nodes or elements in version 2, of blocks in version 4, whose other numbers are skipped.
     fn begin_section(&mut self) -> Result<u64, Fault> {
-        if self.is_version_2() {
-            let count = self.cursor.whole()?;
-            if self.order.is_some() {
-                self.cursor.rest_of_line();
-            }
-            return Ok(count.into());
-        }
+        let count = if self.is_version_2() { Some(self.cursor.whole()?) } else { None };
         if self.order.is_some() {
             self.cursor.rest_of_line();
+        }
+        if let Some(count) = count {
+            return Ok(count.into());
         }
         let blocks = self.count()?;
         for _ in 0..if self.version >= 4.1 { 3 } else { 1 } {
@@ -137,13 +134,8 @@ impl Reader<'_> {
 
     /// Nodes: their tags and then their coordinates in version 4.1, in turns before.
     fn node_block(&mut self, count: u64) -> Result<(), Fault> {
-        let mut tags = Vec::new();
-        if self.version >= 4.1 {
-            for _ in 0..count {
-                tags.push(self.count()?);
-            }
-        }
-        let mut tags = tags.into_iter();
+        let first = if self.version >= 4.1 { count } else { 0 };
+        let mut tags = (0..first).map(|_| self.count()).collect::<Result<Vec<_>, _>>()?.into_iter();
         for _ in 0..count {
             let tag = tags.next().map_or_else(|| self.count(), Ok)?;
             let mut x = [0.0; 3];
@@ -199,9 +191,8 @@ impl Reader<'_> {
             6 => (13, 6),
             7 => (14, 5),
             _ => {
-                let message =
-                    format!("element {element} is of type {kind}: only elements with straight edges are read");
-                return Err(Fault(message));
+                let rule = "only elements with straight edges are read";
+                return Err(Fault(format!("element {element} is of type {kind}: {rule}")));
             }
         };
         let mut corners = [0; 8];

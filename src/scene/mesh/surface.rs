@@ -96,7 +96,6 @@ pub fn read_ply(bytes: &[u8]) -> Result<Raw, Fault> {
         let Element { name, count, properties } = element;
         let index = |names: &[&str]| properties.iter().position(|p| names.contains(&p.name.as_str()));
         let required = |property: &str| index(&[property]).ok_or_else(|| Fault(format!("{name} has no {property}")));
-        // The columns of coordinates or of the ends of an edge.
         let columns = match name.as_str() {
             "vertex" => vec![required("x")?, required("y")?, index(&["z"]).unwrap_or(usize::MAX)],
             "edge" => vec![required("vertex1")?, required("vertex2")?],
@@ -181,25 +180,27 @@ fn ply_header(cursor: &mut Cursor) -> Result<(Option<Order>, Vec<Element>), Faul
     }
 }
 
-/// Bytes before the first facet of a binary STL file, and of a facet.
-const HEADER: usize = 84;
-const FACET: usize = 50;
+/// The number of facets of a binary STL file, and the length of the file with that many.
+fn facets_and_length(bytes: &[u8]) -> Option<(f64, f64)> {
+    let facets = Kind::U32.number(bytes.get(80..84)?, Order::Little);
+    Some((facets, 84.0 + 50.0 * facets))
+}
 
 /// Whether the file is as long as a binary STL file with its number of facets.
 pub fn is_binary_stl(bytes: &[u8]) -> bool {
-    let facets = bytes.get(80..HEADER).map(|count| Kind::U32.number(count, Order::Little));
-    facets.is_some_and(|facets| facets > 0.0 && bytes.len() as f64 == HEADER as f64 + FACET as f64 * facets)
+    facets_and_length(bytes).is_some_and(|(facets, length)| facets > 0.0 && bytes.len() as f64 == length)
 }
 
 /// The error for a file of no format. A binary one may be binary STL of the wrong length, which nothing else tells from other files.
 fn no_mesh(bytes: &[u8]) -> Fault {
     let none = "is no mesh: neither OBJ (no line begins with v), PLY, STL, VTK nor Gmsh MSH";
-    let count = bytes.get(80..HEADER).filter(|_| bytes.contains(&0));
-    let Some(facets) = count.map(|count| Kind::U32.number(count, Order::Little)) else { return Fault(none.into()) };
+    let Some((facets, expected)) = facets_and_length(bytes).filter(|_| bytes.contains(&0)) else {
+        return Fault(none.into());
+    };
     if facets == 0.0 {
         return Fault(format!("{none}; as binary STL it is empty: it counts 0 facets"));
     }
-    let (length, expected) = (bytes.len(), HEADER as f64 + FACET as f64 * facets);
+    let length = bytes.len();
     let state = if (length as f64) < expected { "is truncated" } else { "goes on after its last facet" };
     let facets = if facets == 1.0 { "1 facet needs".into() } else { format!("{facets} facets need") };
     Fault(format!("{none}; as binary STL it {state}: {facets} {expected} bytes, and it has {length}"))
@@ -236,11 +237,11 @@ impl Corners {
 
 pub fn read_binary_stl(bytes: &[u8]) -> Result<Raw, Fault> {
     let mut corners = Corners::new("facet");
-    for (facet, bytes) in (0..).zip(bytes.get(HEADER..).unwrap_or_default().chunks_exact(FACET)) {
-        let mut numbers = bytes.chunks_exact(4).skip(3).map(|number| Kind::F32.number(number, Order::Little));
-        for _ in 0..3 {
-            corners.add(std::array::from_fn(|_| numbers.next().unwrap_or(f64::NAN)), facet)?;
-        }
+    for (facet, bytes) in (0..).zip(bytes.get(84..).unwrap_or_default().chunks_exact(50)) {
+        // The normal, and three corners.
+        let numbers = bytes.chunks_exact(4).map(|number| Kind::F32.number(number, Order::Little));
+        let numbers: Vec<f64> = numbers.skip(3).collect();
+        numbers.as_chunks().0.iter().try_for_each(|&corner| corners.add(corner, facet))?;
         corners.end_face(facet);
     }
     Ok(corners.raw)

@@ -21,6 +21,10 @@ fn assert_square(bytes: impl AsRef<[u8]>) {
     assert!(mesh.notes.is_empty());
 }
 
+fn assert_refused(bytes: impl AsRef<[u8]>, message: &str) {
+    assert_eq!(read(bytes).unwrap_err(), format!("mesh: {message}"));
+}
+
 /// The square's coordinates as words.
 fn words() -> String {
     SQUARE.as_flattened().iter().map(|c| format!("{c} ")).collect()
@@ -40,10 +44,8 @@ fn obj_has_marks_comments_continuations_and_lines() {
     assert_eq!(rope.place(1), "line 5: an edge joins vertices 2 and 3");
     let repeated = read(format!("{vertices}f 1 1 2\nf 1 2 3\nf 2 3 2")).unwrap();
     assert_eq!(repeated.edges, [[0, 1], [0, 2], [1, 2]]);
-    assert_eq!(
-        repeated.notes,
-        ["mesh: 2 faces or segments left out (the first is in line 5, which names a vertex twice)"]
-    );
+    let note = "mesh: 2 faces or segments left out (the first is in line 5, which names a vertex twice)";
+    assert_eq!(repeated.notes, [note]);
 }
 
 /// The last line may be continued into nothing, lines may end in carriage returns alone, and words left over are no vertex's.
@@ -54,51 +56,36 @@ fn every_statement_of_obj_counts() {
     assert_square(format!("{vertices}f 1 2 3 4 \\\n"));
     assert_square(format!("{vertices}f 1 2 3 4\n").replace('\n', "\r"));
     assert_square(format!("{vertices}f 1 2 3 4\n").replace('\n', "\r\n"));
-    for (vertex, message) in [
-        ("v 0 0", "a vertex has 3 coordinates, and may have a weight and 3 colours: not 2 numbers"),
-        ("v 0 0 0 1 2", "a vertex has 3 coordinates, and may have a weight and 3 colours: not 5 numbers"),
-        ("v 0 0 0 v", "\"v\" is no number"),
-        ("v 0 0 0 1 1 1 1 1", "a vertex has 3 coordinates, and may have a weight and 3 colours: not 8 numbers"),
-    ] {
-        assert_eq!(read(format!("v 0 0 0\n{vertex}\n")).unwrap_err(), format!("mesh: line 2: {message}: {vertex:?}"));
+    assert_refused("v 0 0 0\nv 0 0 0 v\n", "line 2: \"v\" is no number: \"v 0 0 0 v\"");
+    let rule = "a vertex has 3 coordinates, and may have a weight and 3 colours: not";
+    for (vertex, count) in [("v 0 0", 2), ("v 0 0 0 1 2", 5), ("v 0 0 0 1 1 1 1 1", 8)] {
+        assert_refused(format!("v 0 0 0\n{vertex}\n"), &format!("line 2: {rule} {count} numbers: {vertex:?}"));
     }
     let omitted = read(format!("{vertices}f 1\nl 1 1\nl 2\nl 1 2")).unwrap();
     assert_eq!(omitted.edges, [[0, 1]]);
-    assert_eq!(
-        omitted.notes,
-        ["mesh: 3 faces or segments left out (the first is in line 5, which names fewer than two vertices)"]
-    );
+    let note = "mesh: 3 faces or segments left out (the first is in line 5, which names fewer than two vertices)";
+    assert_eq!(omitted.notes, [note]);
 }
 
 /// What is wrong is named by its place and its value.
 #[test]
 fn wrong_vertices_are_named() {
-    assert_eq!(read("v 0 0 0\nv nan 0 0").unwrap_err(), "mesh: line 2: the coordinates [NaN, 0.0, 0.0] must be finite");
-    assert_eq!(
-        read("solid\nfacet normal 0 0 1\nouter loop\nvertex 0 1e999 0\n").unwrap_err(),
-        "mesh: line 4: the coordinates [0.0, inf, 0.0] must be finite"
-    );
-    let ply = |face: &str| {
-        read(format!(
-            "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nelement face 1\n\
-             property list uchar int vertex_indices\nend_header\n0 0 3 4\n{face}"
-        ))
-        .unwrap_err()
-    };
-    assert_eq!(ply("3 0 1 -1"), "mesh: face 0: names vertex -1, which there is not");
-    assert_eq!(ply("3 0 1 7"), "mesh: face 0: names vertex 7, and the last is 1");
-    assert_eq!(read("$NOD\n1\n1 0 0 0\n$ENDNOD\n").unwrap_err(), "mesh: line 1: MSH 1 is not read: 2, 4.0 and 4.1 are");
+    assert_refused("v 0 0 0\nv nan 0 0", "line 2: the coordinates [NaN, 0.0, 0.0] must be finite");
+    let stl = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 1e999 0\n";
+    assert_refused(stl, "line 4: the coordinates [0.0, inf, 0.0] must be finite");
+    let ply = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nelement face 1\n\
+               property list uchar int vertex_indices\nend_header\n0 0 3 4\n";
+    assert_refused(format!("{ply}3 0 1 -1"), "face 0: names vertex -1, which there is not");
+    assert_refused(format!("{ply}3 0 1 7"), "face 0: names vertex 7, and the last is 1");
+    assert_refused("$NOD\n1\n1 0 0 0\n$ENDNOD\n", "line 1: MSH 1 is not read: 2, 4.0 and 4.1 are");
     let vtk = "# vtk DataFile Version 3.0\n\nASCII\nDATASET POLYDATA\nPOINTS 50000000000 float\n";
-    assert_eq!(
-        read(vtk).unwrap_err(),
-        "mesh: line 5: 50000000000 is no count or index: a whole number from 0 to 4294967294 is wanted"
-    );
+    assert_refused(vtk, "line 5: 50000000000 is no count or index: a whole number from 0 to 4294967294 is wanted");
 }
 
 /// A binary STL file is known by its length: one of another length says so.
 #[test]
 fn lengths_of_binary_stl_are_compared() {
-    let none = "mesh: is no mesh: neither OBJ (no line begins with v), PLY, STL, VTK nor Gmsh MSH";
+    let none = "is no mesh: neither OBJ (no line begins with v), PLY, STL, VTK nor Gmsh MSH";
     for (facets, bytes, state) in [
         (2u32, 60, "; as binary STL it is truncated: 2 facets need 184 bytes, and it has 144"),
         (1, 0, "; as binary STL it is truncated: 1 facet needs 134 bytes, and it has 84"),
@@ -110,7 +97,7 @@ fn lengths_of_binary_stl_are_compared() {
             file.resize(80, 0);
             file.extend(facets.to_le_bytes());
             file.resize(84 + bytes, 0);
-            assert_eq!(read(file).unwrap_err(), format!("{none}{state}"));
+            assert_refused(file, &format!("{none}{state}"));
         }
     }
 }
@@ -124,15 +111,14 @@ fn ply_is_read_as_text_and_binary() {
         )
     };
     assert_square(format!("{}{}\n255 4 0 1 2 3\n", header("ascii"), words()));
-    let corners =
-        |order: fn(i32) -> [u8; 4]| -> Vec<u8> { [255, 4].into_iter().chain((0..4).flat_map(order)).collect() };
-    let little =
-        [header("binary_little_endian").as_bytes(), &doubles(f64::to_le_bytes), &corners(i32::to_le_bytes)].concat();
+    let binary = |format: &str, double: fn(f64) -> [u8; 8], int: fn(i32) -> [u8; 4]| {
+        let corners: Vec<u8> = [255, 4].into_iter().chain((0..4).flat_map(int)).collect();
+        [header(format).as_bytes(), &doubles(double), &corners].concat()
+    };
+    let little = binary("binary_little_endian", f64::to_le_bytes, i32::to_le_bytes);
     assert_square(&little);
-    assert_square(
-        [header("binary_big_endian").as_bytes(), &doubles(f64::to_be_bytes), &corners(i32::to_be_bytes)].concat(),
-    );
-    assert_eq!(read(&little[..little.len() - 1]).unwrap_err(), "mesh: line 12: binary data end too early");
+    assert_square(binary("binary_big_endian", f64::to_be_bytes, i32::to_be_bytes));
+    assert_refused(&little[..little.len() - 1], "line 12: binary data end too early");
     let edges = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nelement edge 1\nproperty int vertex1\n\
                  property int vertex2\nend_header\n0 0 3 4 0 1";
     let edges = read(edges).unwrap();
@@ -174,11 +160,9 @@ fn facets_of_stl_have_three_corners() {
     let file = |count: usize| format!("solid s\n{}{}endsolid s\n", facet(3), facet(count));
     assert!(read(file(3)).is_ok() && read(file(3).repeat(2)).is_ok());
     for (count, line) in [(0, 11), (2, 13), (4, 15)] {
-        let message = format!("mesh: line {line}: a facet has 3 vertices, not {count}");
-        assert_eq!(read(file(count)).unwrap_err(), message);
+        assert_refused(file(count), &format!("line {line}: a facet has 3 vertices, not {count}"));
     }
-    let truncated = format!("solid s\n{}", facet(3));
-    assert_eq!(read(truncated).unwrap_err(), "mesh: line 9: the file ends without endsolid");
+    assert_refused(format!("solid s\n{}", facet(3)), "line 9: the file ends without endsolid");
 }
 
 #[test]
@@ -203,14 +187,9 @@ fn legacy_vtk_is_read_in_all_versions() {
     assert_square(binary.concat());
     let solid = format!("{grid}{}\nCELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n10\n", words());
     assert_eq!(read(&solid).unwrap().edges.len(), 6);
-    assert_eq!(
-        read(solid.replace("\n10\n", "\n24\n")).unwrap_err(),
-        "mesh: cell 0 is of type 24: only cells with straight edges are read"
-    );
-    assert_eq!(
-        read(solid.replace("4 0 1 2 3", "4 0 1 2 9")).unwrap_err(),
-        "mesh: cell 0: names vertex 9, and the last is 3"
-    );
+    let curved = "cell 0 is of type 24: only cells with straight edges are read";
+    assert_refused(solid.replace("\n10\n", "\n24\n"), curved);
+    assert_refused(solid.replace("4 0 1 2 3", "4 0 1 2 9"), "cell 0: names vertex 9, and the last is 3");
 }
 
 #[test]
@@ -253,11 +232,11 @@ fn xml_of_vtk_is_read_however_it_is_encoded() {
     let whole = file("", offsets.each_ref().map(String::as_str), "<AppendedData encoding=\"raw\">_");
     let start = &whole.as_bytes()[..whole.len() - "</VTKFile>".len()];
     assert_square([start, &data.each_ref().map(|bytes| plain(bytes)).concat(), b"</AppendedData></VTKFile>"].concat());
-    let message = read(file("", arrays, "").replace("OfPoints=\"4", "OfPoints=\"6")).unwrap_err();
-    assert_eq!(message, "mesh: NumberOfPoints is 6, and its arrays have 4");
-    let message = read(file("", arrays, "").replace("OfCells=\"1", "OfCells=\"2")).unwrap_err();
-    assert_eq!(message, "mesh: NumberOfCells is 2, and its arrays have 1");
-    assert_eq!(read("<html></html>").unwrap_err(), "mesh: is no mesh: XML, but no VTKFile");
+    for (count, found, wrong) in [("NumberOfPoints", 4, 6), ("NumberOfCells", 1, 2)] {
+        let changed = file("", arrays, "").replace(&format!("{count}=\"{found}"), &format!("{count}=\"{wrong}"));
+        assert_refused(changed, &format!("{count} is {wrong}, and its arrays have {found}"));
+    }
+    assert_refused("<html></html>", "is no mesh: XML, but no VTKFile");
 }
 
 #[test]
@@ -272,14 +251,10 @@ fn gmsh_is_read_in_versions_two_and_four() {
         nodes([7, 8, 9, 20])
     );
     assert_square(&two);
-    assert_eq!(
-        read(two.replace("8 9 20\n$End", "8 9 21\n$End")).unwrap_err(),
-        "mesh: element 2 names node 21, which there is not"
-    );
-    assert_eq!(
-        read(two.replace("2 3 2 0 1", "2 9 2 0 1")).unwrap_err(),
-        "mesh: element 2 is of type 9: only elements with straight edges are read"
-    );
+    let missing = "element 2 names node 21, which there is not";
+    assert_refused(two.replace("8 9 20\n$End", "8 9 21\n$End"), missing);
+    let curved = "element 2 is of type 9: only elements with straight edges are read";
+    assert_refused(two.replace("2 3 2 0 1", "2 9 2 0 1"), curved);
     let places: String = SQUARE.iter().map(|[x, y, z]| format!("{x} {y} {z}\n")).collect();
     assert_square(format!(
         "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Entities\n0 0 1 0\n$EndEntities\n$Nodes\n1 4 1 4\n2 1 0 4\n1\n2\n3\n4\n{places}$EndNodes\n\

@@ -57,7 +57,6 @@ pub fn add_cell(raw: &mut Raw, kind: u32, corners: &[u32], number: u32) -> Resul
     }
     let reordered = |order: &[usize]| -> Vec<u32> { order.iter().filter_map(|&at| corners.get(at).copied()).collect() };
     match kind {
-        // Points.
         1 | 2 => {}
         3 | 4 => raw.add_line(corners, number),
         5 | 7 | 9 => raw.add_face(corners, number),

@@ -14,11 +14,6 @@ fn limited(sandbox: &Sandbox, limit: &str, arguments: &str) -> Answer {
     Answer { status: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
 }
 
-fn scene(sandbox: &Sandbox, kind: &str, size: &str) {
-    let text = sandbox.sprung(&["new", kind, "--size", size]).ends_with(0).stdout;
-    sandbox.put(&format!("{kind}.toml"), &text);
-}
-
 /// KiB that workspaces of products take at most, for the thread of the program and the one that it may use: twice the caches of the last level each, of which
 /// every processor has one at most.
 fn workspaces() -> u64 {
@@ -33,7 +28,7 @@ fn workspaces() -> u64 {
 #[test]
 fn a_factor_that_does_not_fit_is_an_error_or_not_needed() {
     let sandbox = Sandbox::new();
-    scene(&sandbox, "lattice", "16");
+    sandbox.put_ready("lattice", "16");
     let run = |limit: u64, more: &str| {
         let arguments = format!("run lattice.toml --threads 1 --dt 0.01 --steps 1 --json {more}");
         limited(&sandbox, &format!("ulimit -v {limit}"), &arguments)
@@ -53,8 +48,8 @@ fn a_factor_that_does_not_fit_is_an_error_or_not_needed() {
 #[test]
 fn little_memory_is_an_error_not_an_abort() {
     let sandbox = Sandbox::new();
-    scene(&sandbox, "lattice", "14");
-    scene(&sandbox, "cloth", "60");
+    sandbox.put_ready("lattice", "14");
+    sandbox.put_ready("cloth", "60");
     let json = sandbox.sprung(&["new", "cloth", "--size", "60", "--json"]).ends_with(0).stdout;
     sandbox.put("cloth.json", &json);
     let mut refused = 0;
@@ -89,7 +84,7 @@ fn little_memory_is_an_error_not_an_abort() {
 #[test]
 fn a_full_disk_ends_a_run_without_half_files() {
     let sandbox = Sandbox::new();
-    scene(&sandbox, "cloth", "20");
+    sandbox.put_ready("cloth", "20");
     sandbox.put("o/summary.json", "old");
     for (limit, arguments) in [(8, "--frames 1"), (1, ""), (0, "")] {
         let limit = format!("trap '' XFSZ; ulimit -f {limit}");
@@ -110,7 +105,7 @@ fn a_full_disk_ends_a_run_without_half_files() {
 #[test]
 fn folders_that_cannot_be_written_are_refused_before_anything_is_computed() {
     let sandbox = Sandbox::new();
-    scene(&sandbox, "cloth", "5");
+    sandbox.put_ready("cloth", "5");
     sandbox.put("file", "");
     for folder in ["/proc/none", "/dev/null/o", "file", "file/o", "/sys/o"] {
         for command in
@@ -127,7 +122,7 @@ fn folders_that_cannot_be_written_are_refused_before_anything_is_computed() {
 #[test]
 fn what_is_in_the_way_is_found_before_anything_is_computed() {
     let sandbox = Sandbox::new();
-    scene(&sandbox, "cloth", "5");
+    sandbox.put_ready("cloth", "5");
     let run = "run cloth.toml --dt 0.01 --steps 1 --frames 1";
     let search = "run cloth.toml --duration 0.01 --accuracy 0.1 --frames 1";
     let chart = "chart cloth.toml --dt 0.01 --budget 1";
@@ -188,7 +183,7 @@ fn interrupt(child: std::process::Child) -> Answer {
 #[test]
 fn a_folder_that_goes_away_is_an_error() {
     let sandbox = Sandbox::new();
-    scene(&sandbox, "cloth", "4");
+    sandbox.put_ready("cloth", "4");
     let child = endless(&sandbox);
     std::fs::rename(sandbox.path("o"), sandbox.path("elsewhere")).unwrap();
     interrupt(child).ends_with(1).complains(&["error: o/", "No such file or directory"]);
@@ -198,7 +193,7 @@ fn a_folder_that_goes_away_is_an_error() {
 #[test]
 fn two_runs_do_not_share_a_folder() {
     let sandbox = Sandbox::new();
-    scene(&sandbox, "cloth", "4");
+    sandbox.put_ready("cloth", "4");
     let second = ["run", "cloth.toml", "--dt", "0.01", "--steps", "3", "--out", "o"];
     let mut first = endless(&sandbox);
     sandbox.sprung(&second).ends_with(2).complains(&["error: o: another run is using this folder"]);
@@ -218,7 +213,7 @@ fn two_runs_do_not_share_a_folder() {
 #[test]
 fn results_of_two_runs_never_stand_side_by_side() {
     let sandbox = Sandbox::new();
-    scene(&sandbox, "column", "9");
+    sandbox.put_ready("column", "9");
     sandbox.put("o/notes.txt", "mine");
     sandbox.put("o/frames/mine.txt", "mine");
     let run = |more: &str| {
@@ -243,7 +238,7 @@ fn results_of_two_runs_never_stand_side_by_side() {
 #[test]
 fn closed_pipes_are_no_errors_and_missing_streams_no_panics() {
     let sandbox = Sandbox::new();
-    scene(&sandbox, "cloth", "5");
+    sandbox.put_ready("cloth", "5");
     let program = env!("CARGO_BIN_EXE_sprung");
     for (script, status) in [
         (format!("{program} new cloth --size 100 | head -c 10"), 0),
@@ -262,7 +257,7 @@ fn closed_pipes_are_no_errors_and_missing_streams_no_panics() {
 #[test]
 fn threads_that_cannot_be_had_are_an_error() {
     let sandbox = Sandbox::new();
-    scene(&sandbox, "cloth", "5");
+    sandbox.put_ready("cloth", "5");
     let arguments = "run cloth.toml --dt 0.01 --steps 1 --threads 1024 --out o";
     limited(&sandbox, "ulimit -v 500000", arguments)
         .ends_with(2)
@@ -273,7 +268,7 @@ fn threads_that_cannot_be_had_are_an_error() {
 #[test]
 fn terminals_may_be_narrow_dumb_or_absent() {
     let sandbox = Sandbox::new();
-    scene(&sandbox, "cloth", "5");
+    sandbox.put_ready("cloth", "5");
     for (terminal, columns) in [("dumb", "1"), ("", "0"), ("xterm", "3"), ("none", "-1"), ("vt100", "99999999999")] {
         for arguments in
             [&["--help"][..], &["run", "--help"], &["run", "cloth.toml", "--dt", "0.01", "--steps", "2"], &["rum"]]

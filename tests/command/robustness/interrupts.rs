@@ -77,8 +77,7 @@ fn computed(child: &Child) -> u64 {
 
 fn scenes(sandbox: &Sandbox, scenes: &[(&str, &str)]) {
     for (kind, size) in scenes {
-        let scene = sandbox.sprung(&["new", kind, "--size", size]).ends_with(0).stdout;
-        sandbox.put(&format!("{kind}.toml"), &scene);
+        sandbox.put_ready(kind, size);
     }
 }
 
@@ -196,8 +195,7 @@ fn nothing_is_lost_before_anything_is_begun() {
 #[test]
 fn a_hangup_that_is_ignored_is_none() {
     let sandbox = Sandbox::new();
-    let scene = sandbox.sprung(&["new", "cloth", "--size", "4"]).ends_with(0).stdout;
-    sandbox.put("cloth.toml", &scene);
+    sandbox.put_ready("cloth", "4");
     let program = env!("CARGO_BIN_EXE_sprung");
     let run = format!("{program} run cloth.toml --dt 1e-5 --steps 20000 --frames 1000 --out o");
     let script = format!(

@@ -21,9 +21,7 @@ duration = 0
 "#;
 
 fn sandbox() -> Sandbox {
-    let sandbox = Sandbox::new();
-    sandbox.put("spring.toml", SPRING);
-    sandbox
+    Sandbox::with("spring.toml", SPRING)
 }
 
 /// A motion of no length can be simulated; there is nothing in it to choose a step by.

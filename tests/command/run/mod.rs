@@ -27,9 +27,7 @@ duration = 0.1
 "#;
 
 fn triangle() -> Sandbox {
-    let sandbox = Sandbox::new();
-    sandbox.put("triangle.toml", TRIANGLE);
-    sandbox
+    Sandbox::with("triangle.toml", TRIANGLE)
 }
 
 #[test]
@@ -241,8 +239,7 @@ fn frames_are_the_steps_asked_for() {
 #[test]
 fn results_do_not_depend_on_the_number_of_threads() {
     let sandbox = Sandbox::new();
-    let scene = sandbox.sprung(&["new", "cloth", "--size", "12"]).ends_with(0).stdout;
-    sandbox.put("cloth.toml", &scene);
+    sandbox.put_ready("cloth", "12");
     for solver in ["llt", "ldlt", "cg", "cg-assembled"] {
         let states = ["1", "2", "5"].map(|threads| {
             let arguments = ["run", "cloth.toml", "--steps", "3", "--solver", solver, "--threads", threads];
@@ -256,8 +253,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
 #[test]
 fn nor_do_they_where_the_factorization_is_split() {
     let sandbox = Sandbox::new();
-    let scene = sandbox.sprung(&["new", "cloth", "--size", "102"]).ends_with(0).stdout;
-    sandbox.put("cloth.toml", &scene);
+    sandbox.put_ready("cloth", "102");
     let states = ["1", "3"].map(|threads| {
         // The first step of a flat cloth rounds alike however it is split; the second does not.
         let arguments = ["run", "cloth.toml", "--steps", "2", "--solver", "llt", "--threads", threads];
@@ -283,8 +279,7 @@ fn files_of_an_earlier_run_are_replaced() {
 /// A scene without a step: steps that follow an error estimate, records at an interval, and what that was.
 #[test]
 fn without_a_step_the_run_chooses_its_own() {
-    let sandbox = Sandbox::new();
-    sandbox.put("timeless.toml", &TRIANGLE.replace("dt = 0.01", ""));
+    let sandbox = Sandbox::with("timeless.toml", &TRIANGLE.replace("dt = 0.01", ""));
     let answer = sandbox.sprung(&["run", "timeless.toml", "--out", "o"]).ends_with(0);
     assert_eq!(answer.stderr, "");
     let summary = sandbox.json("o/summary.json");
@@ -314,8 +309,7 @@ fn without_a_step_the_run_chooses_its_own() {
 #[test]
 fn a_run_that_is_wrong_says_so() {
     let sandbox = Sandbox::new();
-    let cloth = sandbox.sprung(&["new", "cloth", "--size", "10"]).ends_with(0).stdout;
-    sandbox.put("cloth.toml", &cloth);
+    sandbox.put_ready("cloth", "10");
     let run = ["run", "cloth.toml", "--duration", "0.5", "--out", "o"];
     let answer = sandbox.sprung(&[&run[..], &["--dt", "0.01"]].concat()).ends_with(0);
     for part in ["warning: the relative position error at the end is about", "predictable until"] {
@@ -338,8 +332,7 @@ fn a_run_that_is_wrong_says_so() {
 #[test]
 fn a_run_that_magnifies_its_errors_says_so() {
     let sandbox = Sandbox::new();
-    let chain = sandbox.sprung(&["new", "chain", "--size", "6"]).ends_with(0).stdout;
-    sandbox.put("chain.toml", &chain);
+    sandbox.put_ready("chain", "6");
     let run = |duration| sandbox.sprung(&["run", "chain.toml", "--duration", duration, "--out", "o"]).ends_with(0);
     assert_eq!(run("1").stderr, "");
     let answer = run("2");
