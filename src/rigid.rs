@@ -79,12 +79,6 @@ pub(crate) fn rigidly_aligned(reference: &[Vector3<f64>], positions: &[Vector3<f
     positions.iter().map(|x| to + turn * (x - centre)).collect()
 }
 
-/// Relative size of the squares of what counts as no motion of a held coordinate.
-const NOTHING: f64 = 1e-9;
-
-/// The part of a sum of squares of displacements that is its rounding, with room: a body is straight to a ten-millionth of its length.
-const ROUNDING: f64 = 1e-14;
-
 impl Body {
     /// A basis of the rigid motions that the constraints admit, as velocities of the body's particles, in their order; orthonormal in the inner product
     /// of the free coordinates' masses.
@@ -135,7 +129,8 @@ impl Body {
         let size = free.trace();
         let projected = admitted.transpose() * free * &admitted;
         let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(projected);
-        let kept = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] > ROUNDING * size);
+        // The rounding of a sum of squares, with room: a body is straight to a ten-millionth of its length.
+        let kept = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] > 1e-14 * size);
         kept.map(|k| {
             let coefficients = &admitted * eigenvectors.column(k) / eigenvalues[k].sqrt();
             let of_particle = |&p: &usize| {
@@ -148,11 +143,11 @@ impl Body {
     }
 }
 
-/// An orthonormal basis of the null space of a positive semidefinite matrix.
+/// An orthonormal basis of the null space of a positive semidefinite matrix, of eigenvalues up to 1e-9 of its trace.
 fn null_space(form: DMatrix<f64>) -> DMatrix<f64> {
     let size = form.trace();
     let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(form);
-    let null: Vec<usize> = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] <= NOTHING * size).collect();
+    let null: Vec<usize> = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] <= 1e-9 * size).collect();
     eigenvectors.select_columns(&null)
 }
 

@@ -80,12 +80,9 @@ pub struct Trial {
 /// use sprung::accuracy::{Configuration, StepControl, trial};
 /// use sprung::integrate::ImplicitOptions;
 ///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
+/// # let mut builder = sprung::SystemBuilder::new();
+/// # [0.0, 1.0].map(|x| builder.particle([x, 0.0, 0.0], 1.0));
+/// # builder.hold(0).spring(0, 1, sprung::Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
 /// let (system, start) = builder.build()?;
 /// let configuration = Configuration { method: Method::Bdf2, options: ImplicitOptions::default() };
 /// let run = trial(&system, &start, &configuration, StepControl::Step(0.01), 1.0, &|| true)?;

@@ -14,12 +14,9 @@ use crate::system::{State, System};
 /// use sprung::Method;
 /// use sprung::integrate::{ImplicitOptions, TimeStepper};
 ///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
+/// # let mut builder = sprung::SystemBuilder::new();
+/// # [0.0, 1.0].map(|x| builder.particle([x, 0.0, 0.0], 1.0));
+/// # builder.hold(0).spring(0, 1, sprung::Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
 /// let (system, start) = builder.build()?;
 /// for method in Method::ALL {
 ///     let mut state = start.clone();
@@ -184,8 +181,7 @@ impl Method {
     /// A stepper that starts from `state`, with default [`NewtonOptions`].
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large; with rodas4 external forces without
-    /// derivatives.
+    /// Coincident ends of a spring; a state of another system; a matrix that is too large; with rodas4 external forces without derivatives.
     pub fn stepper<'s>(
         self,
         system: &'s System,

@@ -90,8 +90,7 @@ pub trait TimeStepper {
     /// The reason why the step could not be done; the state is then unchanged.
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure>;
 
-    /// As [`step`](Self::step), with the energies of the springs, which a method that evaluates all springs at the end of the step
-    /// computes in the same pass.
+    /// As [`step`](Self::step), with the energies of the springs, which a method that evaluates all springs at its end computes in the same pass.
     ///
     /// # Errors
     /// As of `step`.
@@ -105,8 +104,7 @@ pub trait TimeStepper {
         &[]
     }
 
-    /// Discards what was remembered of earlier steps. To be called where the state or its rate has been changed by anything but steps: by hand,
-    /// or by a kink of a prescribed path.
+    /// Discards what was remembered of earlier steps: to be called where anything but a step has changed the state or its rate.
     fn restart(&mut self) {}
 
     /// Propagates the error of a run over the last step done or accepted, and adds the step's own: `e' = Φ e + δ`, see [`PropagatedError`].
@@ -125,8 +123,8 @@ pub trait TimeStepper {
 pub struct Statistics {
     /// Counters of work.
     pub work: Work,
-    /// The largest `‖b − A x‖/‖b‖` of all accepted solves, recomputed from the solutions. For nonlinear methods the
-    /// residual force of the equations over the forces that balance in it, after their last iteration.
+    /// The largest `‖b − A x‖/‖b‖` of all accepted solves, recomputed from the solutions; for nonlinear methods the residual force of the equations over
+    /// the forces that balance in it.
     pub max_relative_residual: f64,
     /// The largest relative residual that conjugate gradients were allowed to leave; zero where none ran.
     #[serde(default)]
@@ -158,7 +156,7 @@ impl Statistics {
     }
 }
 
-/// Refuses a state of another system, and a method that holds so many bytes for each spring and each particle where there is no room for them.
+/// Refuses a state of another system, and a method that holds so many bytes for each spring and particle where there is no room for them.
 fn check_room(system: &System, state: &State, bytes: [u64; 2]) -> Result<()> {
     state.check(system)?;
     ensure_room(system, bytes, "the state of the method")

@@ -1,5 +1,4 @@
-//! RODAS4, a stiffly accurate Rosenbrock method of fourth order, on the matrix of linearised backward Euler: one factorization and six
-//! solves a step.
+//! RODAS4, a stiffly accurate Rosenbrock method of fourth order, on the matrix of linearised backward Euler: one factorization and six solves a step.
 //!
 //! **The method** in Hairer and Wanner's transformed form, for `y' = F(y)`, its Jacobian J at the step's beginning and τ = γ h:
 //!
@@ -16,27 +15,25 @@
 //! (A − D) u_x = s + M r_x/τ − G r_x,      A = M/τ² − G/τ − K,
 //! ```
 //!
-//! the matrix of linearised backward Euler with dt → τ. D, from damped springs that turn, is not symmetric and stays out of the matrix. Two
-//! corrections of the defect, `A u = b`, then `A u' = b + D u`, leave `(A⁻¹ D)³ = O(h⁶)` of u_x, which is O(h) itself: O(h⁶) in u_v after the
-//! division by τ. One correction would leave O(h⁴) there, and cost an order. So a stage is one solve without damping and three with it.
+//! the matrix of linearised backward Euler with dt → τ. D, from damped springs that turn, is not symmetric and stays out of the matrix. Two corrections
+//! of the defect, `A u = b`, then `A u' = b + D u`, leave `(A⁻¹ D)³ = O(h⁶)` of u_x, which is O(h) itself: O(h⁶) in u_v after the division by τ. One
+//! correction would cost an order. So a stage is one solve without damping and three with it.
 //!
-//! **Never regularized.** The order needs the exact J. Where A is not positive definite the step is refused as indefinite,
-//! whatever the stiffness option: with error control a shorter one is tried, and a step of fixed length is done in parts, at
-//! most 4⁵ of them. A mode that grows as e^(σt) makes A(γh) indefinite from σh = 4 on, where the method has a pole; at σh = 2 it
-//! grows by 2.6 % too much in a step, at 3 thirteen times. So parts are quarters.
+//! **Never regularized.** The order needs the exact J. Where A is not positive definite the step is refused as indefinite, whatever the stiffness
+//! option: with error control a shorter one is tried, and a step of fixed length is done in quarters, and these in quarters, at most 4⁵ parts. (A mode
+//! that grows as e^(σt) makes A(γh) indefinite from σh = 4 on, where the method has a pole; at σh = 2 it grows by 2.6 % too much, at 3 by a factor of 13.)
 //!
-//! **Local error.** u_6 is the error of a formula of third order; the method's own is a power of h higher. On a vibration of
-//! frequency ω, z = ωh, it is `|R(iz) − e^{iz}| = 0.15 z |u_6|`, within a third up to z = 2, and of the size of u_6 beyond. The
-//! vibration itself gives its frequency: `h ‖u_6v‖ = z ‖u_6x‖`. So the local error of a step is about `min(‖u_6x‖, 0.15 h ‖u_6v‖)`.
+//! **Local error.** u_6 is the error of a formula of third order; the method's own is a power of h higher. On a vibration of frequency ω, z = ωh, it is
+//! `|R(iz) − e^{iz}| = 0.15 z |u_6|`, within a third up to z = 2, and of the size of u_6 beyond. The vibration itself gives its frequency:
+//! `h ‖u_6v‖ = z ‖u_6x‖`. So the local error of a step is about `min(‖u_6x‖, 0.15 h ‖u_6v‖)`.
 //!
 //! **Kinematic particles** move at a constant velocity v_c between the kinks of their paths, where steps are cut. They are part of y with
 //! `u_v = 0` and `u_x = τ r_x`, the displacement of prescribed coordinates in the right-hand side and in the correction.
 //!
-//! Source: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.7, IV.10, and their code rodas.f (METH = 1), whose
-//! coefficients these are.
+//! Source: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.7, IV.10, and their code rodas.f (METH = 1), whose coefficients these are.
 
 use super::adaptive::norm_of_all;
-use super::implicit::{ImplicitOptions, LinearSystem};
+use super::implicit::{ImplicitOptions, LinearSystem, of_linear_system};
 use super::linear_tolerance::mass_norm;
 use super::substeps::{Substep, substeps};
 use super::{
@@ -52,9 +49,6 @@ use nalgebra::Vector3;
 
 /// Number of stages.
 const STAGES: usize = 6;
-
-/// Corrections for the forces of dampers that turn.
-const CORRECTIONS: usize = 2;
 
 /// A list of stages' coefficients.
 type Row = [f64; STAGES];
@@ -260,7 +254,7 @@ impl<'s> Rodas4<'s> {
         prescribe(system, tau, r, x);
         let mut solution = linear.solve(None, b, x)?;
         *residual = residual.max(linear.residual);
-        for _ in 0..if *is_damped { CORRECTIONS } else { 0 } {
+        for _ in 0..if *is_damped { 2 } else { 0 } {
             corrected.copy_from_slice(b);
             add_damping_differential(system, &linear.extensions, &base.velocities, x, corrected);
             prescribe(system, tau, r, x);
@@ -276,8 +270,8 @@ impl<'s> Rodas4<'s> {
         Ok(())
     }
 
-    /// Makes the last stage the error estimate of the step just computed, of h seconds, whose prescribed coordinates have none. Returns an estimate
-    /// of the error of the step's positions, in m: `min(‖u_6x‖, 0.15 h ‖u_6v‖)`.
+    /// Makes the last stage the error estimate of the step just computed, of h seconds, whose prescribed coordinates have none. Returns the local error
+    /// of the step's positions, in m.
     fn finish_estimate(&mut self, h: f64) -> f64 {
         let system = self.linear.system;
         zero_prescribed(system, &mut self.displacements[STAGES - 1]);
@@ -357,7 +351,7 @@ fn stage_error(system: &System, [x, v]: [&[Vector3<f64>]; 2], h: f64) -> f64 {
 }
 
 /// The share of the kinetic energy K that a step of h seconds takes from springs that turn: `0.4 Σ U²/K_s / K` with `K_s = ½ μ v⊥²` across a spring,
-/// and `U = ½ κ L²`, `L = (h v⊥)²/(2 l)` of a step of straight motion. (The factor is fitted to a turning rod with U well below K_s.)
+/// and `U = ½ κ L²`, `L = (h v⊥)²/(2 l)` of straight motion. (Fitted to a turning rod with U well below K_s.)
 fn rotational_damping(system: &System, extensions: &SpringGeometry, velocities: &[Vector3<f64>], h: f64) -> f64 {
     let inverse = |p: usize| if system.dofs().free_axes(p) == Axes::NONE { 0.0 } else { 1.0 / system.masses()[p] };
     // A spring without a rest length is not stretched by turning.
@@ -375,17 +369,7 @@ fn rotational_damping(system: &System, extensions: &SpringGeometry, velocities: 
 }
 
 impl TimeStepper for Rodas4<'_> {
-    fn name(&self) -> &'static str {
-        "rodas4"
-    }
-
-    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
-        Some(self.linear.solver())
-    }
-
-    fn load_kinks(&self) -> &[f64] {
-        self.linear.system.prescribed().load_kinks()
-    }
+    of_linear_system!("rodas4", linear);
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         let system = self.linear.system;
@@ -399,8 +383,7 @@ impl TimeStepper for Rodas4<'_> {
         Ok(())
     }
 
-    /// With the matrix of τ = h/4, Φ is ((1 + z/4)/(1 − z/4))² = (2w − 1)²: two steps of the midpoint rule, which keep the amplitude of every
-    /// vibration. δ is the embedded estimate u_6, scaled to the local error.
+    /// With the matrix of τ = h/4, Φ is ((1 + z/4)/(1 − z/4))² = (2w − 1)²: two steps of the midpoint rule. δ is u_6, scaled to the local error.
     fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
         let Self { linear, b, corrected, displacements, velocities, part, local_error, .. } = self;
         if !fits(linear.system, error, step) {
@@ -420,10 +403,6 @@ impl TimeStepper for Rodas4<'_> {
         error.add_local();
         true
     }
-
-    fn statistics(&self) -> &Statistics {
-        &self.linear.statistics
-    }
 }
 
 impl AdaptiveStepper for Rodas4<'_> {
@@ -440,8 +419,6 @@ impl AdaptiveStepper for Rodas4<'_> {
         self.next.prescribe(self.linear.system);
         state.copy_from(&self.next);
     }
-
-    fn reject(&mut self) {}
 
     fn order(&self) -> u32 {
         4

@@ -125,23 +125,6 @@ fn accounts_between_steps_are_in_proportion_to_time() {
     assert_eq!(monitor.energy_at(&between), (energy, monitor.balance_between(2.375, &energy)));
 }
 
-/// Indicators are relative to the extent of the scene at its end; of a scene at one place to the way from the start of the whole run.
-#[test]
-fn the_extent_is_the_spread_or_the_way() {
-    let mut builder = SystemBuilder::new();
-    for x in [1.0, 4.0, 4.0] {
-        builder.particle([x, 0.0, 0.0], 1.0);
-    }
-    let (system, start) = builder.build().unwrap();
-    let options = MonitorOptions::default();
-    let monitor = Monitor::new(&system, &start, options).unwrap();
-    // From the centroid at 3: 4 + 1 + 1. All at 7: from where they were, 36 + 9 + 9.
-    assert!((monitor.indicators(&start).extent - 6f64.sqrt()).abs() < 1e-15);
-    let gathered = State { positions: vec![Vector3::new(7.0, 0.0, 0.0); 3], ..start.clone() };
-    let later = Monitor::continued(&system, [&start, &gathered], 5, &monitor.account(), options).unwrap();
-    assert!((later.indicators(&gathered).extent - 54f64.sqrt()).abs() < 1e-14);
-}
-
 /// Doubles the velocities in every step, and fails after some.
 struct Doubling {
     steps: u64,

@@ -1,6 +1,5 @@
 use super::{A, B, C, GAMMA, RATES, Rodas4, Row, STAGES, TIMES, rotational_damping};
 use crate::force::SpringGeometry;
-use crate::integrate::fixtures::{OscillationAxis, Oscillator};
 use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
 use crate::linear::{
     Definiteness, LdltSolver, LinearSolver, PreparedMatrix, Solution, SolveFailure, SolverChoice, SolverOptions, norm,
@@ -115,50 +114,6 @@ fn matrices_are_never_regularized() {
             let grown = 1e-3 / 20f64.sqrt() * (20f64.sqrt() * state.time).sinh();
             assert!((state.positions[1].y / grown - 1.0).abs() < 0.01, "{} {grown}", state.positions[1].y);
         }
-    }
-}
-
-/// u_6 and the new state of `y' = λ y`, `y = 1`, by the formula with numbers put in.
-fn scalar(lambda: Complex<f64>, h: f64) -> [Complex<f64>; 2] {
-    let sum = |row: &Row, stages: &[Complex<f64>]| row.iter().zip(stages).map(|(c, u)| u * *c).sum::<Complex<f64>>();
-    let mut stages = Vec::new();
-    for stage in 0..STAGES {
-        let point = sum(&A[stage], &stages) + 1.0;
-        let right = lambda * point + sum(&C[stage], &stages) / h;
-        stages.push(right / (Complex::from(1.0 / (GAMMA * h)) - lambda));
-    }
-    [stages[STAGES - 1], sum(&B, &stages) + 1.0]
-}
-
-/// A step of 0.6 s between two kinks: the new state, the difference from the embedded formula, and the local error.
-#[test]
-fn steps_are_those_of_the_formula() {
-    for (way, damping, tolerance) in
-        [(OscillationAxis::Along, 0.8, 1e-9), (OscillationAxis::Along, 0.0, 1e-9), (OscillationAxis::Across, 0.8, 1e-6)]
-    {
-        let oscillator = Oscillator::new(way, damping, 1.25);
-        let Oscillator { system, start, lambda, .. } = &oscillator;
-        let [last, next] = scalar(*lambda, 0.6);
-        let amplitude = oscillator.amplitude(start);
-        let [x, v] = oscillator.motion(amplitude * last);
-        let error = x.abs().min(0.15 * 0.6 * v.abs());
-        let near = |a: f64, b: f64| (a - b).abs() <= tolerance * amplitude.norm();
-        let mut state = start.clone();
-        state.velocities[0].x = 99.0;
-        let mut stepper = Rodas4::new(system, &state, &ImplicitOptions::default()).unwrap();
-        let estimate = stepper.try_step(&state, 0.6).unwrap();
-        let axis = usize::from(way == OscillationAxis::Across);
-        assert!(near(estimate.positions[1][axis], x) && near(estimate.velocities[1][axis], v), "{way:?} {estimate:?}");
-        assert_eq!(estimate.positions[0], Vector3::zeros());
-        let mut accepted = state.clone();
-        stepper.accept(&mut accepted);
-        assert!(oscillator.is_at(&accepted, next, tolerance), "{way:?} {damping}");
-        assert!(near(stepper.local_error, error) && error > 1e-5 * amplitude.norm());
-        // And as a step of fixed length.
-        let mut stepper = Rodas4::new(system, &state, &ImplicitOptions::default()).unwrap();
-        stepper.step(&mut state, 0.6).unwrap();
-        assert!(oscillator.is_at(&state, next, tolerance), "{way:?} {damping}");
-        assert!(near(stepper.local_error, error), "{way:?} {damping}");
     }
 }
 
