@@ -1,5 +1,6 @@
 //! Steps of methods against their formulas.
 
+use super::fixtures::pulled_with_kinks;
 use super::{AdaptiveStepper, Bdf2, ImplicitOptions, LinearBackwardEuler, Method, TimeStepper, WMethod};
 use crate::linear::SolverChoice;
 use crate::spring::Spring;
@@ -70,6 +71,25 @@ fn verlet_predicts_the_velocity_that_external_forces_see() {
     assert_eq!(run(1), (0.75 - 0.125, 0.5 * 0.75));
     let errors = [8, 16, 32].map(|steps| run(steps).0 - (-0.5f64).exp());
     assert!(errors.windows(2).all(|pair| (3.5..4.5).contains(&(pair[0] / pair[1]))), "{errors:?}");
+}
+
+/// Steps that end at kinks and steps that are cut there give the same bits. Verlet's method has one force evaluation for each of seven substeps, one at
+/// the start and one after each of three kinks.
+#[test]
+fn explicit_steps_are_cut_at_kinks() {
+    let (system, start) = pulled_with_kinks();
+    for (method, forces) in [(Method::Verlet, 7 + 1 + 3), (Method::Dop853, 7 * 12)] {
+        let run = |steps: &[f64]| {
+            let mut state = start.clone();
+            let mut stepper = method.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
+            steps.iter().for_each(|&h| stepper.step(&mut state, h).unwrap());
+            (state, stepper.statistics().work.force_evaluations)
+        };
+        let cut = run(&[0.125, 0.25, 0.25, 0.25]);
+        assert_eq!(run(&[0.125; 7]), cut, "{}", method.name());
+        assert_eq!((cut.0.positions[0], cut.0.velocities[0]), (Vector3::new(0.25, 0.0, 0.0), Vector3::zeros()));
+        assert_eq!(cut.1, forces, "{}", method.name());
+    }
 }
 
 /// A particle of 2 kg, damped, on a spring of 12 N/m to a held one, in motion along it.

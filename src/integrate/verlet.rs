@@ -262,24 +262,6 @@ mod tests {
         step(&mut state, &mut stepper, 0.01, 2).unwrap();
     }
 
-    /// Steps that end at the kinks and steps that are cut there give the same bits.
-    #[test]
-    fn steps_are_cut_at_kinks() {
-        let (system, start) = pulled_with_kinks();
-        let run = |steps: &[f64]| {
-            let mut state = start.clone();
-            let mut stepper = Verlet::new(&system, &state).unwrap();
-            steps.iter().for_each(|&h| stepper.step(&mut state, h).unwrap());
-            (state, stepper.statistics().work.force_evaluations)
-        };
-        let (cut, forces) = run(&[0.125, 0.25, 0.25, 0.25]);
-        assert_eq!(run(&[0.125; 7]), (cut.clone(), forces));
-        // One for each of seven substeps, one at the start and one after each of three kinks.
-        assert_eq!(forces, 7 + 1 + 3);
-        assert_eq!(cut.positions[0], Vector3::new(0.25, 0.0, 0.0));
-        assert_eq!(cut.velocities[0], Vector3::zeros());
-    }
-
     /// Pulls by a newton, whatever the length.
     #[derive(Debug)]
     struct Steady;

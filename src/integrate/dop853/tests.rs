@@ -1,10 +1,8 @@
 use super::coefficients::{A, C, E3, E5, Row, SQUARE, STAGES, chain, sum, weights};
 use super::{Dop853, END};
-use crate::integrate::fixtures::pulled_with_kinks;
 use crate::integrate::{AdaptiveStepper, TimeStepper};
 use crate::spring::Spring;
 use crate::system::{State, System, SystemBuilder};
-use nalgebra::Vector3;
 
 /// A rooted tree of Butcher's theory: its order, its density γ and its elementary weight of every stage.
 #[derive(Clone)]
@@ -218,22 +216,6 @@ fn evaluations_are_not_repeated() {
     stepper.restart();
     stepper.try_step(&kept, 0.05).unwrap();
     count(&stepper, 12);
-}
-
-/// Fixed steps are cut at kinks, with the same result as steps that end there.
-#[test]
-fn steps_are_cut_at_kinks() {
-    let (system, start) = pulled_with_kinks();
-    let run = |steps: &[f64]| {
-        let mut state = start.clone();
-        let mut stepper = Dop853::new(&system, &state).unwrap();
-        steps.iter().for_each(|&h| stepper.step(&mut state, h).unwrap());
-        assert_eq!(stepper.statistics().work.force_evaluations % 12, 0);
-        state
-    };
-    let (cut, whole) = (run(&[0.125, 0.25, 0.25, 0.25]), run(&[0.125; 7]));
-    assert_eq!(cut, whole);
-    assert_eq!(cut.positions[0], Vector3::new(0.25, 0.0, 0.0));
 }
 
 /// Where nothing moves there is no error.
