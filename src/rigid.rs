@@ -1,7 +1,7 @@
 //! Bodies, the parts of a scene that springs connect, and their rigid motions.
 //!
-//! A rigid motion of a body is `u_i = t + ω × (x_i − c)`, in the plane with one rotation, on a line with none. Constraints admit those for which every
-//! held coordinate stays: the null space of the six motions' values there.
+//! A rigid motion of a body is `u_i = t + ω × (x_i − c)`, in the plane with one rotation, on a line with none. Constraints admit those for which
+//! every held coordinate stays: the null space of the six motions' values there.
 
 use crate::system::System;
 use nalgebra::{DMatrix, Matrix3, SymmetricEigen, Vector3};
@@ -80,8 +80,8 @@ pub(crate) fn rigidly_aligned(reference: &[Vector3<f64>], positions: &[Vector3<f
 }
 
 impl Body {
-    /// A basis of the rigid motions that the constraints admit, as velocities of the body's particles, in their order; orthonormal in the inner product
-    /// of the free coordinates' masses.
+    /// A basis of the rigid motions that the constraints admit, as velocities of the body's particles, in their order; orthonormal in the inner
+    /// product of the free coordinates' masses.
     pub fn rigid_motions(&self, system: &System, positions: &[Vector3<f64>]) -> Vec<Vec<Vector3<f64>>> {
         let dimension = system.dimension();
         let members: Vec<usize> = self.particles.iter().chain(&self.anchors).copied().collect();

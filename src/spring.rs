@@ -10,10 +10,10 @@
 //! | stiffness block `K^s` | `k (1/l0 − 1/l) (I − nnᵀ) + (k/l0) nnᵀ` | N/m |
 //! | damping block | `b nnᵀ` | N·s/m |
 //!
-//! The force on j is the opposite. `k` is a force (N per unit strain), not N/m: the stiffness against a change of length is `k/l0`. `K^s` is the negative
-//! Jacobian of the force on i, `∂f_i/∂x_i = −K^s`, `∂f_i/∂x_j = +K^s`; it follows from `∂l/∂x_i = n` and `∂n/∂x_i = (I − nnᵀ)/l`. Source: lecture notes
-//! "Review of Backward Euler Implementation", CS838-2, University of Wisconsin–Madison, 7 October 2011, whose force law this is. The derivation is in the
-//! guide (`cargo xtask guide`), under theory: `spring`.
+//! The force on j is the opposite. `k` is a force (N per unit strain), not N/m: the stiffness against a change of length is `k/l0`. `K^s` is the
+//! negative Jacobian of the force on i, `∂f_i/∂x_i = −K^s`, `∂f_i/∂x_j = +K^s`; it follows from `∂l/∂x_i = n` and `∂n/∂x_i = (I − nnᵀ)/l`. Source:
+//! lecture notes "Review of Backward Euler Implementation", CS838-2, University of Wisconsin–Madison, 7 October 2011, whose force law this is. The
+//! derivation is in the guide (`cargo xtask guide`), under theory: `spring`.
 //!
 //! A spring may have no rest length, `l0 = 0`. Then k is in N/m, the force is `−k d`, the energy `½ k l²`, and `K^s = k I` under every option: the
 //! formulas hold with the [gauge length](Spring::gauge_length) of 1 m in place of l0. Such a spring may have length zero, where its damping vanishes.
@@ -23,9 +23,9 @@
 //!
 //! # Spring laws
 //!
-//! A [`SpringLaw`] replaces `T = k (l/l0 − 1)` by any tension T(l). At a given length it is represented by its *tangent*, the spring of the built-in law
-//! with the same tension and the same slope `T' = dT/dl`, `k = T' l − T` and `l0 = k/T'`. Forces, stiffness blocks, options and the sign of the tension all
-//! follow from the tangent; energies come from the law itself.
+//! A [`SpringLaw`] replaces `T = k (l/l0 − 1)` by any tension T(l). At a given length it is represented by its *tangent*, the spring of the built-in
+//! law with the same tension and the same slope `T' = dT/dl`, `k = T' l − T` and `l0 = k/T'`. Forces, stiffness blocks, options and the sign of the
+//! tension all follow from the tangent; energies come from the law itself.
 //!
 //! Where tension does not rise with length there is no tangent, and `K^s` is indefinite along the spring. The slope is then replaced by 1e-9 of the
 //! spring's own `k/l0`: forces stay exact. A tangent through `T = 0` at `l = 0` has no rest length; its slope is raised by 1e-8.

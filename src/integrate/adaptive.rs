@@ -6,14 +6,15 @@
 //! e = √(‖e_x‖² + (X/V)² ‖e_v‖²)/(r X) · w^((p + 1)/q) ≤ 1,      w = max(1, min(TV/X, 10), TV/(10 X)),
 //! ```
 //!
-//! times the method's [safety factor](AdaptiveStepper::safety_factor). Norms are Euclidean over all particles. X is the spread `‖x − centroid‖` of the
-//! positions, and no less than a hundredth of its largest value so far (two particles that pass each other have none for a moment). V is the largest
-//! ‖v‖ so far, and at least `0.3 min(a₀T, √(a₀X))`, a₀ the norm of the accelerations at the start of the run of T seconds. (Where all particles are at
-//! one place, V is at least `0.3 a₀T` and X is V T.) X/V is the time in which a velocity error becomes a position error of the same relative size.
+//! times the method's [safety factor](AdaptiveStepper::safety_factor). Norms are Euclidean over all particles. X is the spread `‖x − centroid‖` of
+//! the positions, and no less than a hundredth of its largest value so far (two particles that pass each other have none for a moment). V is the
+//! largest ‖v‖ so far, and at least `0.3 min(a₀T, √(a₀X))`, a₀ the norm of the accelerations at the start of the run of T seconds. (Where all
+//! particles are at one place, V is at least `0.3 a₀T` and X is V T.) X/V is the time in which a velocity error becomes a position error of the same
+//! relative size.
 //!
 //! *Local errors add up.* With the same r in every step a method of order q whose estimate falls as h^(p + 1) ends with an error of rtol^(q/(p + 1)).
-//! So `r = rtol (2 rtol)^((p + 1)/q − 1)`, and rtol above a half. Errors at the end are proportional to the path length TV in extents, up to about ten
-//! of them: the factor w, measured on random scenes (`verification/study.md`).
+//! So `r = rtol (2 rtol)^((p + 1)/q − 1)`, and rtol above a half. Errors at the end are proportional to the path length TV in extents, up to about
+//! ten of them: the factor w, measured on random scenes (`verification/study.md`).
 //!
 //! **The next step.** Gustafsson's PI controller (1991) proposes `h (0.9/e)^{0.7/(p + 1)} (e_last/e)^{0.4/(p + 1)}`, see `step_size`. A method that
 //! saves a factorization when h stays keeps it as long as the proposal is within a dead band. A step that fails (an indefinite matrix, a collapsed
@@ -103,8 +104,7 @@ impl AdaptiveOptions {
 pub enum OutputTimes {
     /// After every accepted step.
     Steps,
-    /// At multiples of an interval, in s, and at the end of the run; within steps by
-    /// [interpolation](AdaptiveStepper::interpolate).
+    /// At multiples of an interval, in s, and at the end of the run; within steps by [interpolation](AdaptiveStepper::interpolate).
     Every(f64),
 }
 
@@ -337,7 +337,6 @@ struct Samples {
 }
 
 impl Samples {
-    /// After a step of `stepper` from `before` to `after`.
     fn observe(
         &mut self,
         system: &System,

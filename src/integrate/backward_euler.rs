@@ -1,5 +1,5 @@
-//! Backward Euler: linearised at the start of the step (linearly implicit or semi-implicit Euler, the method of the lecture notes in `spring`), and with
-//! the nonlinear equations solved to convergence.
+//! Backward Euler: linearised at the start of the step (linearly implicit or semi-implicit Euler, the method of the lecture notes in `spring`), and
+//! with the nonlinear equations solved to convergence.
 //!
 //! The equations `M (v' − v)/dt = f_el(x') + f_d(x', v') + g` with `x' = x + δx`, `v' = δx/dt` are solved by Newton's method in δx; or
 //! linearised at x with `f_el(x') ≈ f_el(x) + K δx` and `f_d(x', v') ≈ G v'`, they become

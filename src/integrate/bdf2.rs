@@ -8,7 +8,8 @@
 //! ```
 //!
 //! a backward Euler step over τ from the point (x̃, ṽ). L-stable with equal steps, and stable for ratios below 1 + √2. Where there is no past, see
-//! [`history`], ω = 0 makes it the backward Euler step over h; one error of second order costs no order. (Choi and Ko, 2002, use the formula for cloth.)
+//! [`history`], ω = 0 makes it the backward Euler step over h; one error of second order costs no order. (Choi and Ko, 2002, use the formula for
+//! cloth.)
 //!
 //! **One iteration.** The equations are solved by a quasi-Newton iteration from the predicted state
 //!
@@ -22,9 +23,9 @@
 //! A(τ; y) d = −[M (w − ṽ)/τ − f_el(y) − f_d(y, w) − g],     x' = y + d,     v' = (x' − x̃)/τ.
 //! ```
 //!
-//! As y is off by O(h³) only, one iteration with any matrix that contracts is the formula up to O(h⁴) or better. The on-demand policy takes the matrix
-//! of [`iteration`], where the residual at x' decides whether one iteration is enough. No step reuses the matrix of the last one: its directions are
-//! outdated, and an error along a stiff spring then has a part across it of many times the step's own error.
+//! As y is off by O(h³) only, one iteration with any matrix that contracts is the formula up to O(h⁴) or better. The on-demand policy takes the
+//! matrix of [`iteration`], where the residual at x' decides whether one iteration is enough. No step reuses the matrix of the last one: its
+//! directions are outdated, and an error along a stiff spring then has a part across it of many times the step's own error.
 
 mod history;
 mod iteration;

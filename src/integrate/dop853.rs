@@ -19,13 +19,14 @@
 //! within 10 % up to z = 2, where the second factor goes over to a constant 0.4. So the local error of a step is `0.148 min(z, 3)` times the joint
 //! estimate, right within a third as far as the method is stable.
 //!
-//! **Between the ends of a step** the motion is a polynomial of degree seven, `v + h Σ w_j(s) a_j` at the share s of the step and x as above, right to
-//! O(h⁸). It takes three more evaluations, made when one is asked for. Near the stability limit and beyond it the polynomial magnifies fast vibrations
-//! that the formula itself damps: on a vibration it differs from the quintic through positions, velocities and accelerations at both ends by `1.6 ‖e5‖`
-//! up to z = 3, by `4.5 ‖e5‖` at z = 5 and by `23 ‖e5‖` at z = 8; at a moment by up to z times that. Where they differ by more than `5 ‖e5‖`, 1.6 times
-//! the limit 3 of the formula's accuracy, a shorter step of the method takes its place, of eleven evaluations.
+//! **Between the ends of a step** the motion is a polynomial of degree seven, `v + h Σ w_j(s) a_j` at the share s of the step and x as above, right
+//! to O(h⁸). It takes three more evaluations, made when one is asked for. Near the stability limit and beyond it the polynomial magnifies fast
+//! vibrations that the formula itself damps: on a vibration it differs from the quintic through positions, velocities and accelerations at both ends
+//! by `1.6 ‖e5‖` up to z = 3, by `4.5 ‖e5‖` at z = 5 and by `23 ‖e5‖` at z = 8; at a moment by up to z times that. Where they differ by more than
+//! `5 ‖e5‖`, 1.6 times the limit 3 of the formula's accuracy, a shorter step of the method takes its place, of eleven evaluations.
 //!
-//! **Prescribed coordinates** have no acceleration between the kinks of their paths, so that stages move them as the path does. Steps are cut at kinks.
+//! **Prescribed coordinates** have no acceleration between the kinks of their paths, so that stages move them as the path does. Steps are cut at
+//! kinks.
 //!
 //! Sources: Dormand and Prince (1980), Prince and Dormand (1981); Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, II.5, II.10,
 //! and their code dop853.f.

@@ -89,7 +89,6 @@ pub(super) struct LinearSystem<'s> {
     equations: MatrixAndSolver<'s>,
     /// Made when first needed.
     regularization: Option<Regularization>,
-    /// Of the progressive policy.
     projection: Option<Projection>,
     /// Transverse terms that all prepared matrices have dropped or mirrored, those of stretched springs under `axial` included.
     pub changed_terms: u64,
@@ -123,7 +122,6 @@ impl<'s> LinearSystem<'s> {
         check_room(system, state, [200, 1000])
     }
 
-    /// With the caller's own solver.
     pub fn with_solver(
         system: &'s System,
         state: &State,
@@ -352,7 +350,6 @@ impl<'s> LinearSystem<'s> {
         self.improve(tolerance)
     }
 
-    /// Solves for the current right-hand side, starting from the current solution.
     fn improve(&mut self, tolerance: Option<f64>) -> Result<Solution, SolveFailure> {
         self.check_interrupt()?;
         let Self { equations, rhs, solution, statistics, adaptive_tolerance, combination, .. } = self;
@@ -376,8 +373,8 @@ impl<'s> LinearSystem<'s> {
     /// ```
     ///
     /// K is exact, whatever stiffness the matrix has. `r` holds on entry the force that the linearised step left out, in N; it is used up. As c is a
-    /// correction of steady motion, the residual of an iterative solver does not damp vibrations of the error. The error is unchanged where the prepared
-    /// matrix is not A(τ) or the solve fails. No later solve depends on this one.
+    /// correction of steady motion, the residual of an iterative solver does not damp vibrations of the error. The error is unchanged where the
+    /// prepared matrix is not A(τ) or the solve fails. No later solve depends on this one.
     pub fn resolve(
         &mut self,
         tau: f64,

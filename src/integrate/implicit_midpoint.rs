@@ -1,8 +1,8 @@
 //! The implicit midpoint rule, with the nonlinear equations solved to convergence.
 //!
 //! `x' = x + h v_mid`, `M (v' − v)/h = f_el(x_mid) + f_d(x_mid, v_mid) + g` at the means `x_mid = (x + x')/2`, `v_mid = (v + v')/2`. Since
-//! `x_mid = x + (h/2) v_mid` and `M (v_mid − v)/(h/2) = f(x_mid, v_mid)`, the midpoint is a backward Euler step of length h/2, solved by Newton's method;
-//! then `x' = 2x_mid − x`, `v' = 2v_mid − v`.
+//! `x_mid = x + (h/2) v_mid` and `M (v_mid − v)/(h/2) = f(x_mid, v_mid)`, the midpoint is a backward Euler step of length h/2, solved by Newton's
+//! method; then `x' = 2x_mid − x`, `v' = 2v_mid − v`.
 //!
 //! Second order, symmetric and symplectic; conserves linear and angular momentum exactly. A-stable without numerical damping: with steps that do not
 //! resolve the fastest vibration the nonlinearity of undamped springs pumps energy into vibrations, and the run may end `not-converged`. Prescribed

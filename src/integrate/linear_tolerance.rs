@@ -7,19 +7,18 @@
 //! ‖e‖_M ≤ τ² ‖r‖_{M⁻¹} ≤ τ² ‖r‖₂/√m_min,      ‖e‖_M = √(eᵀ M e).
 //! ```
 //!
-//! With E the error in time of the step, a displacement, the solution is accurate enough at `‖r‖₂ ≤ θ ‖E‖_M √m_min/τ²`, θ = 10⁻⁴: even if the errors of
-//! all steps had the same sign they would add a ten-thousandth to the error of the run. The E of the last step stands for that of the next; afterwards a
-//! solution with an error of more than θ' = 10⁻³ of E is improved. The first step of a run, and a step without an error, is solved to
-//! [`Tolerance::STRICT`]. No residual is larger than θ ‖b‖₂. Where compressed springs make S indefinite and A still definite, the bound is not proven.
+//! With E the error in time of the step, a displacement, the solution is accurate enough at `‖r‖₂ ≤ θ ‖E‖_M √m_min/τ²`, θ = 10⁻⁴: even if the errors
+//! of all steps had the same sign they would add a ten-thousandth to the error of the run. The E of the last step stands for that of the next;
+//! afterwards a solution with an error of more than θ' = 10⁻³ of E is improved. The first step of a run, and a step without an error, is solved to
+//! [`Tolerance::STRICT`]. No residual is larger than θ ‖b‖₂. Where compressed springs make S indefinite and A still definite, the bound is not
+//! proven.
 
 use crate::linear::Tolerance;
 use crate::system::System;
 use nalgebra::Vector3;
 
-/// θ.
+/// θ, and θ'.
 const SHARE: f64 = 1e-4;
-
-/// θ'.
 const LARGEST_SHARE: f64 = 1e-3;
 
 /// The errors of steps, and the tolerances that follow for solvers.
@@ -48,7 +47,6 @@ impl LinearTolerance {
         self.is_adaptive
     }
 
-    /// The smallest relative residual that is asked for.
     pub fn strictest(&self) -> f64 {
         self.strictest
     }

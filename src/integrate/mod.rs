@@ -123,8 +123,8 @@ pub trait TimeStepper {
 pub struct Statistics {
     /// Counters of work.
     pub work: Work,
-    /// The largest `‖b − A x‖/‖b‖` of all accepted solves, recomputed from the solutions; for nonlinear methods the residual force of the equations over
-    /// the forces that balance in it.
+    /// The largest `‖b − A x‖/‖b‖` of all accepted solves, recomputed from the solutions; for nonlinear methods the residual force of the equations
+    /// over the forces that balance in it.
     pub max_relative_residual: f64,
     /// The largest relative residual that conjugate gradients were allowed to leave; zero where none ran.
     #[serde(default)]

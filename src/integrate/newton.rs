@@ -8,7 +8,8 @@
 //!
 //! **Direction.** The Jacobian of r is `J = A − D` with `A = M/dt² − G/dt − K` at x + δ, and D the change of the damping force when springs turn
 //! ([`Spring::damping_differential`](crate::Spring::damping_differential)), which is not symmetric but small. So `J Δ = −r` is solved by refinement,
-//! `A Δ₀ = −r`, `A Δ_{i+1} = D Δ_i`, `Δ = Σ Δ_i`, to `‖J Δ + r‖ ≤ η ‖r‖` with a [`Forcing`] term η, which is the tolerance of conjugate gradients too.
+//! `A Δ₀ = −r`, `A Δ_{i+1} = D Δ_i`, `Δ = Σ Δ_i`, to `‖J Δ + r‖ ≤ η ‖r‖` with a [`Forcing`] term η, which is the tolerance of conjugate gradients
+//! too.
 //!
 //! **Globalisation.** Without damping r is the gradient of the incremental potential
 //!
@@ -20,8 +21,8 @@
 //! `φ' = rᵀΔ`, and a step s must bring the decrease `φ(s) ≤ φ(0) + c s φ'(0)` (Armijo). Near the solution φ is all rounding; then its slope must have
 //! fallen, `φ'(s) ≤ (1 − 2c)|φ'(0)|`, which for a quadratic φ says the same (the "approximate Wolfe" condition of Hager and Zhang, 2005). Without
 //! damping φ(0) is the largest Φ of the last ten iterations (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986): a long step that turns
-//! springs stretches them to second order, which the next step undoes. The iteration starts from the predicted state, δ = dt v, and where it fails from
-//! there, again from rest, δ = 0.
+//! springs stretches them to second order, which the next step undoes. The iteration starts from the predicted state, δ = dt v, and where it fails
+//! from there, again from rest, δ = 0.
 //!
 //! **The matrix** is that of the stiffness option as long as it serves, and otherwise one that does, see [`MatrixChoice`].
 
@@ -281,7 +282,6 @@ impl<'s> Newton<'s> {
         Ok(energy)
     }
 
-    /// Moves by a multiple of Δ.
     pub fn move_by(&mut self, step: f64) {
         for (d, direction) in self.displacement.iter_mut().zip(&self.direction) {
             *d += direction * step;
@@ -380,13 +380,11 @@ impl<'s> Newton<'s> {
     }
 }
 
-/// The inner product over all parts of a system.
 fn dot(system: &System, a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
     let [dot] = system.total([a.iter().zip(b).take(system.own_particles()).map(|(a, b)| a.dot(b)).sum()]);
     dot
 }
 
-/// The Euclidean norm over free coordinates.
 fn free_norm(system: &System, v: &[Vector3<f64>]) -> f64 {
     let dofs = system.dofs();
     let own = v.iter().enumerate().take(system.own_particles());

@@ -1,9 +1,9 @@
 //! Progressive projection: the transverse terms of compressed springs are dropped only where the residual is large.
 //!
 //! With r the residual of the equations to be solved, of a Newton iteration or of the start of a linearised step, and a threshold τ, the matrix has
-//! `tension` for the springs with `max(‖r_i‖, ‖r_j‖) > τ` and `full` for all others: a large residual says that the exact quadratic model is not to be
-//! trusted there. The iteration begins with τ = ∞. A matrix that is refused as indefinite lowers τ, `τ ← ½ min(τ, max ‖r_p‖)`, until it is definite: with
-//! τ below every residual the matrix is that of `tension`, which always is. The next iteration begins with 2τ and has another r.
+//! `tension` for the springs with `max(‖r_i‖, ‖r_j‖) > τ` and `full` for all others: a large residual says that the exact quadratic model is not to
+//! be trusted there. The iteration begins with τ = ∞. A matrix that is refused as indefinite lowers τ, `τ ← ½ min(τ, max ‖r_p‖)`, until it is
+//! definite: with τ below every residual the matrix is that of `tension`, which always is. The next iteration begins with 2τ and has another r.
 //!
 //! Source: Fernández-Fernández, Löschner and Bender, "Progressively Projected Newton's Method", Computer Graphics Forum 45(2), 2026
 //! (arXiv 2505.21013), for elements of any energy; the halves and doubles are theirs.

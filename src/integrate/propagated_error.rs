@@ -13,9 +13,9 @@
 //!
 //! with the coefficients [`LeadingTerm`] of the method's truncation error. The first jerk counts twice, for the step before too.
 //!
-//! **Φ** of implicit methods is a polynomial in the resolvent `w = (1 − τJ)⁻¹` of the matrix at hand, J the Jacobian of the motion: one solve each, see
-//! [`LinearSystem::resolve`](super::implicit::LinearSystem::resolve). For explicit methods it is the difference quotient of the step itself, from a
-//! state displaced by ε e: one more force evaluation for each of the step's. Beyond twice the extent of the scene e grows no further.
+//! **Φ** of implicit methods is a polynomial in the resolvent `w = (1 − τJ)⁻¹` of the matrix at hand, J the Jacobian of the motion: one solve each,
+//! see [`LinearSystem::resolve`](super::implicit::LinearSystem::resolve). For explicit methods it is the difference quotient of the step itself, from
+//! a state displaced by ε e: one more force evaluation for each of the step's. Beyond twice the extent of the scene e grows no further.
 
 use super::adaptive::norm_of_all;
 use crate::force::{SpringGeometry, add_force_rate};
@@ -255,7 +255,6 @@ impl PropagatedError {
         self.balanced += balanced;
     }
 
-    /// `e += δ`.
     pub(super) fn add_local(&mut self) {
         let positions = self.positions.iter_mut().zip(&self.local_positions);
         let velocities = self.velocities.iter_mut().zip(&self.local_velocities);
@@ -296,7 +295,6 @@ impl PropagatedError {
         }
     }
 
-    /// `e ← s e`.
     pub(super) fn scale(&mut self, s: f64) {
         self.positions.iter_mut().chain(&mut self.velocities).for_each(|e| *e *= s);
     }

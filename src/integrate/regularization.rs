@@ -1,10 +1,10 @@
 //! A regularization of A that is certain to be positive definite: few dropped transverse terms, without a factorization.
 //!
 //! A compressed spring's transverse term takes `c‖P(u_i − u_j)‖²` from `uᵀAu`, with `c = k(1/l − 1/l0) > 0` and `P = I − nnᵀ`. As
-//! `‖P(u_i − u_j)‖² ≤ 2‖Pu_i‖² + 2‖Pu_j‖²`, and everything else in A but `M/dt²` takes nothing, A is positive definite if at every particle, on its free
-//! axes, `m_i/dt² I − Σ 2 c P` is, the sum over the particle's compressed springs (c instead of 2c where the spring's other end is held). Springs at
-//! particles where this fails lose their transverse terms, the one with the largest c first, until it holds. So the terms that stay are the longest
-//! series that holds, from the smallest on: one pass over the sorted terms finds it.
+//! `‖P(u_i − u_j)‖² ≤ 2‖Pu_i‖² + 2‖Pu_j‖²`, and everything else in A but `M/dt²` takes nothing, A is positive definite if at every particle, on its
+//! free axes, `m_i/dt² I − Σ 2 c P` is, the sum over the particle's compressed springs (c instead of 2c where the spring's other end is held).
+//! Springs at particles where this fails lose their transverse terms, the one with the largest c first, until it holds. So the terms that stay are
+//! the longest series that holds, from the smallest on: one pass over the sorted terms finds it.
 
 use crate::error::{Invalid, Result};
 use crate::force::SpringGeometry;
@@ -84,8 +84,9 @@ impl Regularization {
         dropped
     }
 
-    /// The same choice for a part of a system. A particle decides after its neighbours of lower numbers, so decisions are repeated until those of ghosts
-    /// no longer change. A particle drops, of the terms that its lower neighbours leave, all from some term on: that term is the whole decision.
+    /// The same choice for a part of a system. A particle decides after its neighbours of lower numbers, so decisions are repeated until those of
+    /// ghosts no longer change. A particle drops, of the terms that its lower neighbours leave, all from some term on: that term is the whole
+    /// decision.
     fn choose_together(
         &mut self,
         system: &System,

@@ -15,22 +15,24 @@
 //! (A − D) u_x = s + M r_x/τ − G r_x,      A = M/τ² − G/τ − K,
 //! ```
 //!
-//! the matrix of linearised backward Euler with dt → τ. D, from damped springs that turn, is not symmetric and stays out of the matrix. Two corrections
-//! of the defect, `A u = b`, then `A u' = b + D u`, leave `(A⁻¹ D)³ = O(h⁶)` of u_x, which is O(h) itself: O(h⁶) in u_v after the division by τ. One
-//! correction would cost an order. So a stage is one solve without damping and three with it.
+//! the matrix of linearised backward Euler with dt → τ. D, from damped springs that turn, is not symmetric and stays out of the matrix. Two
+//! corrections of the defect, `A u = b`, then `A u' = b + D u`, leave `(A⁻¹ D)³ = O(h⁶)` of u_x, which is O(h) itself: O(h⁶) in u_v after the
+//! division by τ. One correction would cost an order. So a stage is one solve without damping and three with it.
 //!
 //! **Never regularized.** The order needs the exact J. Where A is not positive definite the step is refused as indefinite, whatever the stiffness
-//! option: with error control a shorter one is tried, and a step of fixed length is done in quarters, and these in quarters, at most 4⁵ parts. (A mode
-//! that grows as e^(σt) makes A(γh) indefinite from σh = 4 on, where the method has a pole; at σh = 2 it grows by 2.6 % too much, at 3 by a factor of 13.)
+//! option: with error control a shorter one is tried, and a step of fixed length is done in quarters, and these in quarters, at most 4⁵ parts. (A
+//! mode that grows as e^(σt) makes A(γh) indefinite from σh = 4 on, where the method has a pole; at σh = 2 it grows by 2.6 % too much, at 3 by a
+//! factor of 13.)
 //!
-//! **Local error.** u_6 is the error of a formula of third order; the method's own is a power of h higher. On a vibration of frequency ω, z = ωh, it is
-//! `|R(iz) − e^{iz}| = 0.15 z |u_6|`, within a third up to z = 2, and of the size of u_6 beyond. The vibration itself gives its frequency:
+//! **Local error.** u_6 is the error of a formula of third order; the method's own is a power of h higher. On a vibration of frequency ω, z = ωh, it
+//! is `|R(iz) − e^{iz}| = 0.15 z |u_6|`, within a third up to z = 2, and of the size of u_6 beyond. The vibration itself gives its frequency:
 //! `h ‖u_6v‖ = z ‖u_6x‖`. So the local error of a step is about `min(‖u_6x‖, 0.15 h ‖u_6v‖)`.
 //!
 //! **Kinematic particles** move at a constant velocity v_c between the kinks of their paths, where steps are cut. They are part of y with
 //! `u_v = 0` and `u_x = τ r_x`, the displacement of prescribed coordinates in the right-hand side and in the correction.
 //!
-//! Source: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.7, IV.10, and their code rodas.f (METH = 1), whose coefficients these are.
+//! Source: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.7, IV.10, and their code rodas.f (METH = 1), whose coefficients these
+//! are.
 
 use super::adaptive::norm_of_all;
 use super::implicit::{ImplicitOptions, LinearSystem, of_linear_system};
@@ -47,10 +49,8 @@ use crate::operator::Combination;
 use crate::system::{Axes, State, System};
 use nalgebra::Vector3;
 
-/// Number of stages.
 const STAGES: usize = 6;
 
-/// A list of stages' coefficients.
 type Row = [f64; STAGES];
 
 /// γ: the matrix of a step of length h is that of backward Euler for γ h.
@@ -265,13 +265,12 @@ impl<'s> Rodas4<'s> {
         for ((v, x), r) in v.iter_mut().zip(&*x).zip(&*r) {
             *v = x / tau - r;
         }
-        // They are rounding.
         zero_prescribed(system, v);
         Ok(())
     }
 
-    /// Makes the last stage the error estimate of the step just computed, of h seconds, whose prescribed coordinates have none. Returns the local error
-    /// of the step's positions, in m.
+    /// Makes the last stage the error estimate of the step just computed, of h seconds, whose prescribed coordinates have none. Returns the local
+    /// error of the step's positions, in m.
     fn finish_estimate(&mut self, h: f64) -> f64 {
         let system = self.linear.system;
         zero_prescribed(system, &mut self.displacements[STAGES - 1]);

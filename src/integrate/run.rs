@@ -103,8 +103,8 @@ pub fn run(
     drive(stepper, state, schedule, None, |steps, state, _| observe(steps, state))
 }
 
-/// As [`run`], with a monitor that enters every step before `observe` sees it, and ends the run when energy appears from nowhere: the state is then one
-/// from before that.
+/// As [`run`], with a monitor that enters every step before `observe` sees it, and ends the run when energy appears from nowhere: the state is then
+/// one from before that.
 ///
 /// # Examples
 /// ```

@@ -73,8 +73,8 @@ fn verlet_predicts_the_velocity_that_external_forces_see() {
     assert!(errors.windows(2).all(|pair| (3.5..4.5).contains(&(pair[0] / pair[1]))), "{errors:?}");
 }
 
-/// Steps that end at kinks and steps that are cut there give the same bits. Verlet's method has one force evaluation for each of seven substeps, one at
-/// the start and one after each of three kinks.
+/// Steps that end at kinks and steps that are cut there give the same bits. Verlet's method has one force evaluation for each of seven substeps, one
+/// at the start and one after each of three kinks.
 #[test]
 fn explicit_steps_are_cut_at_kinks() {
     let (system, start) = pulled_with_kinks();

@@ -8,8 +8,8 @@
 //! `h ≤ 2/ω_max`. With damping the prediction v* is right to O(h²), so is a', and v' to O(h³): still second order. A mode of frequency ω and damping
 //! ratio ζ is stable for `hω ≤ 2(√(1 + 4ζ²) − 2ζ)`.
 //!
-//! Forces are computed anew where the state is not the end of the last step, or where prescribed velocities have jumped: steps are cut at the kinks of
-//! paths, which keeps the order.
+//! Forces are computed anew where the state is not the end of the last step, or where prescribed velocities have jumped: steps are cut at the kinks
+//! of paths, which keeps the order.
 
 use super::explicit::check_explicit;
 use super::propagated_error::LeadingTerm;
@@ -168,8 +168,8 @@ impl TimeStepper for Verlet<'_> {
         self.knows_force = false;
     }
 
-    /// The linearised step, `e½ = e_v + ½h e_a`, `e_x' = e_x + h e½`, `e_a' = M⁻¹ (K e_x' + G (e½ + ½h e_a))`, `e_v' = e½ + ½h e_a'`, with the product as
-    /// a difference quotient.
+    /// The linearised step, `e½ = e_v + ½h e_a`, `e_x' = e_x + h e½`, `e_a' = M⁻¹ (K e_x' + G (e½ + ½h e_a))`, `e_v' = e½ + ½h e_a'`, with the
+    /// product as a difference quotient.
     fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
         let Self { system, is_damped, next, force, predicted, displaced, statistics, .. } = self;
         if !fits(system, error, step) {

@@ -8,8 +8,9 @@
 //! ```
 //!
 //! As `k = F(y) + O(h)` and `w = O(h)`, `k + w = F(midpoint) + O(h²)`: second order for every J, with dropped terms or of an earlier step. With the
-//! exact J the stability function is `(1 + (1 − 2γ)z + (½ − 2γ + γ²)z²)/(1 − γz)²`; its last coefficient vanishes for `γ = 1 − 1/√2`: A- and L-stable.
-//! Sources: the stages of Shampine and Reichelt's ode23s (1997); Steihaug and Wolfbrandt (1979) for methods that keep their order with any J.
+//! exact J the stability function is `(1 + (1 − 2γ)z + (½ − 2γ + γ²)z²)/(1 − γz)²`; its last coefficient vanishes for `γ = 1 − 1/√2`: A- and
+//! L-stable. Sources: the stages of Shampine and Reichelt's ode23s (1997); Steihaug and Wolfbrandt (1979) for methods that keep their order with any
+//! J.
 //!
 //! **On positions and velocities.** With `y = (x, v)`, `F = (v, M⁻¹f)` and J from K (under the option) and G, every stage is
 //! a system `W (u_x, u_v) = (r, M⁻¹s)`. Its first row says `u_v = (u_x − r)/τ`; put into the second,
@@ -21,8 +22,8 @@
 //! Stage one has `r = v`, `s = f(x, v)`: it is a linearised backward Euler step of length τ. Stage two has `r = v_mid − k_x` and
 //! `s = f(x_mid, v_mid) − M k_v`.
 //!
-//! **Kinematic particles** move, for the time of one step, at the constant velocity `v̄_c = (x_c(t+h) − x_c(t))/h`. They are part of y with `k_x = v̄_c`
-//! and `k_v = w = 0`. Where a step passes a kink or a path is smooth, the chord is off by O(h²), which keeps the order at two.
+//! **Kinematic particles** move, for the time of one step, at the constant velocity `v̄_c = (x_c(t+h) − x_c(t))/h`. They are part of y with
+//! `k_x = v̄_c` and `k_v = w = 0`. Where a step passes a kink or a path is smooth, the chord is off by O(h²), which keeps the order at two.
 //!
 //! **Error estimate.** ode23s compares with a third-order formula. Eliminating its third stage leaves one more solve,
 //!

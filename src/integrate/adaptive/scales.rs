@@ -35,13 +35,11 @@ impl Scales {
         Self { tolerance, rtol, power, duration, speed, spread }
     }
 
-    /// After an accepted step.
     pub fn see(&mut self, state: &State) {
         self.speed = self.speed.max(norm(&state.velocities));
         self.spread = self.spread.max(spread(&state.positions));
     }
 
-    /// e of a step.
     pub fn error(&self, estimate: &ErrorEstimate, state: &State) -> f64 {
         let error = self.norm(estimate.positions, estimate.velocities, state);
         if error.is_nan() { f64::INFINITY } else { error }
@@ -57,8 +55,8 @@ impl Scales {
         part(norm(positions), length).hypot(part(norm(velocities), self.speed)) / self.tolerance * w.powf(self.power)
     }
 
-    /// The error of a step of h seconds that takes a share of the kinetic energy from the motion: when all steps of the run do, velocities are lower by
-    /// a quarter of the sum in the mean, and positions lag by that part of the path length TV.
+    /// The error of a step of h seconds that takes a share of the kinetic energy from the motion: when all steps of the run do, velocities are lower
+    /// by a quarter of the sum in the mean, and positions lag by that part of the path length TV.
     pub fn lag(&self, share: f64, h: f64, state: &State) -> f64 {
         if share == 0.0 {
             return 0.0;
@@ -74,8 +72,8 @@ impl Scales {
         if length > 0.0 { length } else { self.speed * self.duration }
     }
 
-    /// A first step for a method whose estimate falls as h^(p + 1), after Hairer, Nørsett and Wanner (Solving Ordinary Differential Equations I, II.4),
-    /// with the number of force evaluations.
+    /// A first step for a method whose estimate falls as h^(p + 1), after Hairer, Nørsett and Wanner (Solving Ordinary Differential Equations I,
+    /// II.4), with the number of force evaluations.
     ///
     /// With `‖·‖` the norm of e and `y' = F(y)`: an Euler step of `h₀ = 0.01/(r ‖F‖)` seconds probes how fast F changes,
     /// `F' = ‖F(y + h₀ F) − F(y)‖/h₀`, and `h₁ = (0.01/max(‖F‖, F'))^{1/(p + 1)}` would leave an error of about a hundredth. The step

@@ -173,8 +173,8 @@ mod tests {
         assert!(close(after(None, 2), 0.05));
     }
 
-    /// An error that stays as it is keeps the step where that is 0.9 of what would just be accepted, whatever the order; and so far it goes back after
-    /// a rejection.
+    /// An error that stays as it is keeps the step where that is 0.9 of what would just be accepted, whatever the order; and so far it goes back
+    /// after a rejection.
     #[test]
     fn steps_that_stability_bounds_keep_away_from_rejections() {
         for p in [2, 4, 7] {

@@ -77,12 +77,10 @@ impl History {
         (state.time - after.time).abs() <= rounding && system.dofs().iter().all(is_same)
     }
 
-    /// Removes the past of the next step.
     pub fn clear(&mut self) {
         self.length = None;
     }
 
-    /// Records a step of h seconds between two states.
     pub fn record(&mut self, before: &State, after: &State, h: f64) {
         self.length = Some(h);
         self.before.copy_from(before);
@@ -110,12 +108,10 @@ impl Estimate {
         Self { span: None, slopes, is_first: false, accelerations, positions, velocities }
     }
 
-    /// True if the last step is known well enough for an estimate of the next.
     pub fn is_known(&self) -> bool {
         self.span.is_some()
     }
 
-    /// Before a step without an estimate.
     pub fn clear(&mut self) {
         (self.span, self.is_first) = (None, false);
     }
@@ -166,7 +162,6 @@ impl Estimate {
             self.positions[p] = change * (tau * h / 3.0);
             self.velocities[p] = third * (tau * h * (h + last));
         }
-        // They have no errors, and velocities that jump at the kinks of their paths.
         zero_prescribed(system, &mut self.positions);
         zero_prescribed(system, &mut self.velocities);
         ErrorEstimate { positions: &self.positions, velocities: &self.velocities }

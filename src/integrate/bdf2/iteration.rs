@@ -7,13 +7,13 @@
 //! r'ᵀ D⁻¹ r' < dᵀ A d      and      −r'ᵀ d > −½ dᵀ A d.
 //! ```
 //!
-//! The second says that the incremental potential has fallen, see [`Newton`]. Otherwise the iteration goes on as Newton's method with line search, with
-//! `tension` at each point, until a full step is enough in this sense. It does not converge further: the equations of a step that resolves nothing have
-//! solutions that no motion has.
+//! The second says that the incremental potential has fallen, see [`Newton`]. Otherwise the iteration goes on as Newton's method with line search,
+//! with `tension` at each point, until a full step is enough in this sense. It does not converge further: the equations of a step that resolves
+//! nothing have solutions that no motion has.
 //!
-//! **The default transverse stiffness** is that of the tension that lasts. Without the transverse term T/l of a spring under the tension T the iteration
-//! does not converge on a taut string with long steps; with the tension at the prediction y it converges badly where springs turn, as one that turns by
-//! u across itself is stretched by u²/(2 l) at y, which the step takes away again. So the matrix has
+//! **The default transverse stiffness** is that of the tension that lasts. Without the transverse term T/l of a spring under the tension T the
+//! iteration does not converge on a taut string with long steps; with the tension at the prediction y it converges badly where springs turn, as one
+//! that turns by u across itself is stretched by u²/(2 l) at y, which the step takes away again. So the matrix has
 //!
 //! ```text
 //! T = min(T_y, T_last) − C (k/l0) u²/(2 l),      the transverse term T/l where T > 0, none elsewhere,
@@ -122,8 +122,7 @@ impl Tensions {
         }
     }
 
-    /// The transverse coefficient of the spring at a position among the active ones, in N/m, whose ends have moved relative to
-    /// each other by `moved`.
+    /// The transverse coefficient of the spring at a position among the active ones, in N/m, whose ends have moved relative to each other by `moved`.
     fn transverse(&self, position: usize, spring: &Spring, at: &Extension, moved: &Vector3<f64>) -> f64 {
         // Without a rest length all directions are alike.
         if spring.rest_length == 0.0 {

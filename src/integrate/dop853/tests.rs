@@ -180,8 +180,7 @@ fn samples_of_unstable_steps_are_steps() {
     assert_eq!(stepper.statistics().work.force_evaluations, 12 + 4 + 2 * 11);
 }
 
-/// Accelerations at the start of a step are reused after rejections and, where the interpolant has them, from the last
-/// step, but not after a restart.
+/// Accelerations at the start of a step are reused after rejections and, where the interpolant has them, from the last step, but not after a restart.
 #[test]
 fn evaluations_are_not_repeated() {
     let (system, start, _) = oscillator();

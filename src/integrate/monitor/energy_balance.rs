@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Energies are those of the states; work and dissipation are integrals over the steps, right to fourth order where steps resolve the motion (see
-//! `force::spring_energies` and `work`). So the imbalance is the energy that the method adds (positive) or takes away (negative), and the O(dt⁴) of the
-//! quadrature. A scene that nothing holds flies and falls as a whole, which no spring sees: the energy of its centre of mass is known apart.
+//! `force::spring_energies` and `work`). So the imbalance is the energy that the method adds (positive) or takes away (negative), and the O(dt⁴) of
+//! the quadrature. A scene that nothing holds flies and falls as a whole, which no spring sees: the energy of its centre of mass is known apart.
 
 use super::work::BodyEnergy;
 use crate::force::{BLOCK, Energy, SpringSums};
@@ -18,8 +18,8 @@ use serde::{Deserialize, Serialize};
 /// The balance of a run's energy since its start, in J.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Balance {
-    /// Work done by moving constraints, by loads and other external forces except drag, and by rest lengths that change. Gravity that changes in time is
-    /// a load beyond its value at time zero.
+    /// Work done by moving constraints, by loads and other external forces except drag, and by rest lengths that change. Gravity that changes in time
+    /// is a load beyond its value at time zero.
     pub work: f64,
     /// Dissipated by damping and drag.
     pub dissipated: f64,

@@ -1,11 +1,11 @@
-//! The accuracy of a run by its own estimate, and warnings. The estimate is the [propagated error](crate::integrate::PropagatedError) over the extent of
-//! the scene. Energy from nowhere is an error that positions do not show.
+//! The accuracy of a run by its own estimate, and warnings. The estimate is the [propagated error](crate::integrate::PropagatedError) over the extent
+//! of the scene. Energy from nowhere is an error that positions do not show.
 
 use crate::error::significant;
 use serde::Serialize;
 
-/// The estimate above which a run of fixed steps warns. Nine in ten estimates are within ten times of the true error (`verification/study.md`), and an
-/// error of 30 % must not go unnoticed: a fifteenth of that.
+/// The estimate above which a run of fixed steps warns. Nine in ten estimates are within ten times of the true error (`verification/study.md`), and
+/// an error of 30 % must not go unnoticed: a fifteenth of that.
 pub const INACCURATE: f64 = 0.02;
 
 /// The indicators of a run up to a state. Lengths are relative to the extent X of the scene at that state, `‖x − centroid‖` over all particles.

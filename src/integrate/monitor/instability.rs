@@ -11,16 +11,16 @@
 //! with `L = h² Σ (f − f₀)²/(2m)`, the most that loads which have changed from f₀ to f give particles at rest in one of the steps.
 //!
 //! A method that dissipates takes I below zero, so growth is measured from the lowest I so far. It is never exactly zero: symplectic Euler lets the
-//! energy swing by `hω/(1 − h²ω²/4)` of its mean: 0.3 at hω = 0.3, 1.3 at 1, 3.4 at 1.5 and 20 at 1.9. A run is unstable when growth stays above 4 S for
-//! three steps. Three, because S begins at zero where a scene starts at rest: forward Euler's n-th step of a fall has gained 1/(n − 1) of the energy
-//! released. It is unstable at once when a single step brings more than twenty times all energy that was there: the kinetic and elastic energy at the
-//! start, the energy exchanged, and that of one step of free fall.
+//! energy swing by `hω/(1 − h²ω²/4)` of its mean: 0.3 at hω = 0.3, 1.3 at 1, 3.4 at 1.5 and 20 at 1.9. A run is unstable when growth stays above 4 S
+//! for three steps. Three, because S begins at zero where a scene starts at rest: forward Euler's n-th step of a fall has gained 1/(n − 1) of the
+//! energy released. It is unstable at once when a single step brings more than twenty times all energy that was there: the kinetic and elastic energy
+//! at the start, the energy exchanged, and that of one step of free fall.
 //!
-//! **A scene at rest** exchanges nothing, and still its energy is not zero. With positions rounded by δ springs hold `½ Σ (k/l0) δ²`, and velocities of
-//! steps of h seconds `½ Σ m (δ/h)²`, which is no growth, nor is the rounding of the energies of a scene that falls as a whole.
+//! **A scene at rest** exchanges nothing, and still its energy is not zero. With positions rounded by δ springs hold `½ Σ (k/l0) δ²`, and velocities
+//! of steps of h seconds `½ Σ m (δ/h)²`, which is no growth, nor is the rounding of the energies of a scene that falls as a whole.
 //!
-//! **A run with error control** may err by as much as its tolerance says. A local error e of a step is worth up to `Σ m (‖v‖ + 5 ‖e_v‖) ‖e_v‖` of kinetic
-//! energy, as much of elastic energy, and `10 Σ κ ‖e_x‖²` of the springs that errors of positions stretch, κ the sum of k/l0 at a particle.
+//! **A run with error control** may err by as much as its tolerance says. A local error e of a step is worth up to `Σ m (‖v‖ + 5 ‖e_v‖) ‖e_v‖` of
+//! kinetic energy, as much of elastic energy, and `10 Σ κ ‖e_x‖²` of the springs that errors of positions stretch, κ the sum of k/l0 at a particle.
 
 use super::energy_balance::{EnergyBalance, Free};
 use crate::force::set_other_forces;
@@ -89,7 +89,6 @@ impl SavedState {
 }
 
 impl Noise {
-    /// Over steps of dt seconds, in J.
     pub fn energy(&self, dt: f64) -> f64 {
         self.elastic + self.inertia / (dt * dt)
     }
@@ -148,12 +147,10 @@ impl GrowthRecord {
         self.start.kinetic + self.released + (self.work[1] - self.work[0]) + self.loaded
     }
 
-    /// The next step may err by so much energy, in J.
     pub fn doubt(&mut self, energy: f64) {
         self.doubt += energy;
     }
 
-    /// The state entered last shows too much growth.
     pub fn is_above(&self) -> bool {
         self.above > 0
     }

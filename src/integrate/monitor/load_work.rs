@@ -9,9 +9,10 @@
 //!
 //! Other external forces do the work `(f + f')·(x' − x)/2`, to second order.
 //!
-//! Drag takes `∫ c v² dt = c h (v̄² + (v' − v)²/12 + d²/5)` with `v̄ = (x' − x)/h` and `d = (v + v')/2 − v̄`, as a damper does (`force::spring_energies`):
-//! the first term is certain, and the others count only where the step resolves the motion of the particle. What drag takes from a prescribed coordinate
-//! its constraint replaces: that counts as dissipated and as work. Other work of loads on prescribed coordinates is replaced too, and counts as neither.
+//! Drag takes `∫ c v² dt = c h (v̄² + (v' − v)²/12 + d²/5)` with `v̄ = (x' − x)/h` and `d = (v + v')/2 − v̄`, as a damper does
+//! (`force::spring_energies`): the first term is certain, and the others count only where the step resolves the motion of the particle. What drag
+//! takes from a prescribed coordinate its constraint replaces: that counts as dissipated and as work. Other work of loads on prescribed coordinates
+//! is replaced too, and counts as neither.
 
 use crate::force::{SpringSums, resolved_step};
 use crate::system::{State, StateView, System};
@@ -56,7 +57,6 @@ impl<'s> LoadWork<'s> {
         self.system.dofs().free_axes(particle).project(force)
     }
 
-    /// The work of constant loads and of gravity that changes in time, in J.
     fn loads(&self, [before, after]: [&State; 2], dt: f64) -> f64 {
         let (system, loads) = (self.system, self.system.loads());
         let change = loads.gravity.as_ref().map(|gravity| {
@@ -78,7 +78,6 @@ impl<'s> LoadWork<'s> {
         work
     }
 
-    /// The work of external forces other than loads, in J.
     fn external(&mut self, [before, after]: [&State; 2]) -> f64 {
         let system = self.system;
         let Some([last, next]) = &mut self.external else { return 0.0 };

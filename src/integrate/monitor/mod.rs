@@ -1,7 +1,7 @@
 //! Monitoring of a run: its energy balance, a check for instability, and its propagated error.
 //!
-//! A [`Monitor`] is handed to [`run_monitored`](super::run_monitored), which enters every accepted step. Each entry takes one pass over the springs and
-//! one over the particles and updates the [`Balance`], the instability check (`instability`: energy gained without a source ends the run as
+//! A [`Monitor`] is handed to [`run_monitored`](super::run_monitored), which enters every accepted step. Each entry takes one pass over the springs
+//! and one over the particles and updates the [`Balance`], the instability check (`instability`: energy gained without a source ends the run as
 //! [`StepFailure::Unstable`], with the last state before the gain) and the [`PropagatedError`], advanced by the method that took the step.
 
 mod energy_balance;

@@ -1,11 +1,12 @@
 //! The work of moving constraints, of springs that change their rest lengths, and of loads (`load_work`).
 //!
-//! A prescribed coordinate c that moves has an equation of its own: `f_c = m a_c − F_c` is the force that makes it move, F_c those of springs and weight.
-//! Its work `∫ f_c v_c dt` is the change of `½ m v_c² − m g_c x_c`, which is known exactly, less the work that the springs do on it, `∫ F_s·v_c dt`.
+//! A prescribed coordinate c that moves has an equation of its own: `f_c = m a_c − F_c` is the force that makes it move, F_c those of springs and
+//! weight. Its work `∫ f_c v_c dt` is the change of `½ m v_c² − m g_c x_c`, which is known exactly, less the work that the springs do on it,
+//! `∫ F_s·v_c dt`.
 //!
-//! Within a step of h seconds it counts as moving at its mean velocity `Δx_c/h`. A spring pulls its ends together with `T = k (l/l0 − 1) + b r`; with u
-//! the velocity of its prescribed coordinates, i's less j's, it takes the power `T g`, `g = n·u`, from the constraint. Over the step, ′ being d/dt and
-//! `n′ = (Δv − n r)/l`,
+//! Within a step of h seconds it counts as moving at its mean velocity `Δx_c/h`. A spring pulls its ends together with `T = k (l/l0 − 1) + b r`; with
+//! u the velocity of its prescribed coordinates, i's less j's, it takes the power `T g`, `g = n·u`, from the constraint. Over the step, ′ being d/dt
+//! and `n′ = (Δv − n r)/l`,
 //!
 //! ```text
 //! ∫ k (l/l0 − 1) g dt = h (f₀ + f₁)/2 + h² (f₀′ − f₁′)/12,
@@ -84,7 +85,6 @@ impl<'s> Work<'s> {
         if self.driven.is_empty() { LawValues::default() } else { self.system.law_values(&state.positions, state.time) }
     }
 
-    /// The springs that end in a moving coordinate, ascending.
     pub fn driven(&self) -> impl Iterator<Item = usize> + '_ {
         self.driven.iter().map(|&(spring, _)| spring)
     }
@@ -104,8 +104,8 @@ impl<'s> Work<'s> {
         BodyEnergy { kinetic, gravitational }
     }
 
-    /// Moves on from a state to another after a step of dt seconds: the work in the step, and the dissipation of driven springs and of drag. The states
-    /// of a run with error control are accurate: they count as resolved.
+    /// Moves on from a state to another after a step of dt seconds: the work in the step, and the dissipation of driven springs and of drag. The
+    /// states of a run with error control are accurate: they count as resolved.
     pub fn enter(&mut self, before: &State, after: &State, dt: f64, is_accurate: bool) -> SpringSums {
         let states = [before, after];
         for &Dof { particle, axis } in &self.moving {
@@ -122,7 +122,6 @@ impl<'s> Work<'s> {
         self.velocities.get(p).map_or(*v, |known| Vector3::from_fn(|axis, _| known[axis].unwrap_or(v[axis])))
     }
 
-    /// A spring at both ends of the step.
     fn ends(&self, number: usize, states: [&State; 2]) -> [End; 2] {
         let [i, j] = self.system.pair(number);
         states.map(|State { positions: x, velocities: v, .. }| {

@@ -44,8 +44,7 @@ fn work_is_the_mean_force_times_the_way() {
     assert_eq!(go(&mut state, [[-0.25, -0.125, 1.0], [0.0; 3]]), -4.0 * (0.75 + 0.625 + 4.0));
 }
 
-/// A spring of 6 N and 0.5 m between a free particle of 2 kg and one that is held, whose rest length changes to `factor` of it within a
-/// second.
+/// A spring of 6 N and 0.5 m between a free particle of 2 kg and one that is held, whose rest length changes to `factor` of it within a second.
 fn actuated(factor: f64) -> (System, State) {
     let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
     builder.particle([0.0; 3], 3.0);

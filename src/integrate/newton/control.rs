@@ -3,11 +3,11 @@
 //! **Forcing term** (Eisenstat and Walker's second, 1996). `η = 0.9 (‖r‖/‖r_last‖)²` keeps the convergence quadratic. It does not fall below
 //! `0.9 η_last²` as long as that is above 0.1, and never asks for more than the last iteration needs, half of the target.
 //!
-//! **Options that do not fit.** Where a step is cut below a quarter, or r does not fall to a quarter, the rest of the time step is solved `on-demand`:
-//! with the full stiffness wherever it is definite; the progressive policy stays. All lead to the same solution.
+//! **Options that do not fit.** Where a step is cut below a quarter, or r does not fall to a quarter, the rest of the time step is solved
+//! `on-demand`: with the full stiffness wherever it is definite; the progressive policy stays. All lead to the same solution.
 //!
-//! **Saddles.** Where Φ has slightly negative curvature, as for a column just beyond its buckling load, a regularized matrix is far too stiff along the
-//! buckling mode. After a few slow iterations with regularized matrices the rest of the time step keeps the full stiffness and raises the masses
+//! **Saddles.** Where Φ has slightly negative curvature, as for a column just beyond its buckling load, a regularized matrix is far too stiff along
+//! the buckling mode. After a few slow iterations with regularized matrices the rest of the time step keeps the full stiffness and raises the masses
 //! instead, `A + σ M/dt²` with σ about as small as makes it definite (the shift of Levenberg and Marquardt in the metric of the masses).
 
 use crate::force::SpringGeometry;
