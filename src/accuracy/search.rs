@@ -296,11 +296,9 @@ struct Search<'s, O> {
 impl<O: Observer> Search<'_, O> {
     fn configuration(&self, method: Method) -> Configuration {
         let AccuracyOptions { par, stiffness, solver, .. } = *self.options;
-        let options = ImplicitOptions::default();
-        let linear = SolverOptions { solver: solver.unwrap_or(options.linear.solver), par, ..options.linear };
-        let options = ImplicitOptions { linear, ..options };
-        let stiffness = stiffness.unwrap_or(options.stiffness);
-        Configuration { method, options: ImplicitOptions { stiffness, ..options } }
+        let ImplicitOptions { stiffness: policy, linear } = ImplicitOptions::default();
+        let linear = SolverOptions { solver: solver.unwrap_or(linear.solver), par, ..linear };
+        Configuration { method, options: ImplicitOptions { stiffness: stiffness.unwrap_or(policy), linear } }
     }
 
     fn adaptive(&self, method: Method) -> Candidate {

@@ -84,20 +84,15 @@ pub fn default_method(system: &System, state: &State, duration: f64) -> Result<(
     let fastest = if radius.frequency >= radius.decay { "vibration" } else { "decay" };
     let (explicit, speed) = (significant(2.0 * duration * rate, 2), significant(rate, 3));
     // Up to 10⁵ evaluations: RODAS4 takes as many with `rtol = 1e-2` on cloths of 10² and 20² particles that swing down.
-    Ok(if duration * rate <= 5e4 || system.has_external_forces() {
-        (
-            Method::Dop853,
-            match rate {
-                0.0 => "explicit: nothing vibrates or decays at the start".into(),
-                _ => format!("explicit: about {explicit} force evaluations resolve the fastest {fastest}, {speed}/s"),
-            },
-        )
+    let is_explicit = duration * rate <= 5e4 || system.has_external_forces();
+    let reason = if !is_explicit {
+        format!("implicit: resolving the fastest {fastest}, {speed}/s, would take {explicit} force evaluations")
+    } else if rate == 0.0 {
+        "explicit: nothing vibrates or decays at the start".into()
     } else {
-        (
-            Method::Rodas4,
-            format!("implicit: resolving the fastest {fastest}, {speed}/s, would take {explicit} force evaluations"),
-        )
-    })
+        format!("explicit: about {explicit} force evaluations resolve the fastest {fastest}, {speed}/s")
+    };
+    Ok((if is_explicit { Method::Dop853 } else { Method::Rodas4 }, reason))
 }
 
 #[cfg(test)]

@@ -107,14 +107,11 @@ pub struct Rodas4<'s> {
     local_error: f64,
     /// The length of the last part of a step, in s, to which the matrix belongs.
     part: f64,
-    /// The last step's length, in s, and the [error of its stages](stage_error).
+    /// The last step's length, in s, and the error of its stages, in m √kg.
     last: Option<(f64, f64)>,
     /// The largest residual of the stages, in N.
     residual: f64,
 }
-
-/// The method's error over z times that of the embedded formula.
-const ERROR_RATIO: f64 = 0.15;
 
 /// The shortest part of a step of fixed length that is tried.
 const SHORTEST_PART: f64 = 1.0 / 1024.0;
@@ -176,7 +173,9 @@ impl<'s> Rodas4<'s> {
             if !self.linear.adaptive_tolerance.is_adaptive() {
                 return Ok(());
             }
-            let error = stage_error(self.linear.system, self.embedded(), h);
+            // In the norm of M a tenth of the local error: the new state has up to thirteen times the error of a stage.
+            let system = self.linear.system;
+            let error = 0.1 * local_error(|u| mass_norm(system, |p| u[p]), self.embedded(), h);
             self.last = Some((h, error));
             if self.linear.adaptive_tolerance.suffices(self.residual, inertia, error) {
                 break;
@@ -274,7 +273,7 @@ impl<'s> Rodas4<'s> {
     fn finish_estimate(&mut self, h: f64) -> f64 {
         let system = self.linear.system;
         zero_prescribed(system, &mut self.displacements[STAGES - 1]);
-        position_error(system, self.embedded(), h)
+        local_error(|u| norm_of_all(system, u), self.embedded(), h)
     }
 
     /// u_6, whose positions and velocities are the difference from the embedded formula.
@@ -339,14 +338,9 @@ fn prescribe(system: &System, tau: f64, r: &[Vector3<f64>], x: &mut [Vector3<f64
     }
 }
 
-/// `min(‖u_6x‖, 0.15 h ‖u_6v‖)`, in m.
-fn position_error(system: &System, [x, v]: [&[Vector3<f64>]; 2], h: f64) -> f64 {
-    norm_of_all(system, x).min(ERROR_RATIO * h * norm_of_all(system, v))
-}
-
-/// A tenth of the same in the norm of M, in m √kg: the new state has up to thirteen times the error of a stage.
-fn stage_error(system: &System, [x, v]: [&[Vector3<f64>]; 2], h: f64) -> f64 {
-    0.1 * mass_norm(system, |p| x[p]).min(ERROR_RATIO * h * mass_norm(system, |p| v[p]))
+/// `min(‖u_6x‖, 0.15 h ‖u_6v‖)` in a norm.
+fn local_error(norm: impl Fn(&[Vector3<f64>]) -> f64, [x, v]: [&[Vector3<f64>]; 2], h: f64) -> f64 {
+    norm(x).min(0.15 * h * norm(v))
 }
 
 /// The share of the kinetic energy K that a step of h seconds takes from springs that turn: `0.4 Σ U²/K_s / K` with `K_s = ½ μ v⊥²` across a spring,
