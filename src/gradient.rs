@@ -400,7 +400,7 @@ impl<'s> Forward<'s> {
             None
         } else {
             let linear = SolverOptions::default().with_solver(SolverChoice::Llt);
-            let options = ImplicitOptions::default().with_linear(linear);
+            let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
             let newton = NewtonOptions { tolerance: TOLERANCE, ..NewtonOptions::default() };
             Some(BackwardEuler::new(system, start, &options, newton)?)
         };

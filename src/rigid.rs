@@ -1,7 +1,7 @@
 //! Bodies, the parts of a scene that springs connect, and their rigid motions.
 //!
-//! A rigid motion of a body is `u_i = t + ω × (x_i − c)`, in the plane with one rotation, on a line with none. Constraints admit those for which every
-//! held coordinate stays: the null space of the six motions' values there.
+//! A rigid motion of a body is `u_i = t + ω × (x_i − c)`, in the plane with one rotation, on a line with none. Constraints admit those for which
+//! every held coordinate stays: the null space of the six motions' values there.
 
 use crate::system::System;
 use nalgebra::{DMatrix, Matrix3, SymmetricEigen, Vector3};
@@ -79,15 +79,9 @@ pub(crate) fn rigidly_aligned(reference: &[Vector3<f64>], positions: &[Vector3<f
     positions.iter().map(|x| to + turn * (x - centre)).collect()
 }
 
-/// Relative size of the squares of what counts as no motion of a held coordinate.
-const NOTHING: f64 = 1e-9;
-
-/// The part of a sum of squares of displacements that is its rounding, with room: a body is straight to a ten-millionth of its length.
-const ROUNDING: f64 = 1e-14;
-
 impl Body {
-    /// A basis of the rigid motions that the constraints admit, as velocities of the body's particles, in their order; orthonormal in the inner product
-    /// of the free coordinates' masses.
+    /// A basis of the rigid motions that the constraints admit, as velocities of the body's particles, in their order; orthonormal in the inner
+    /// product of the free coordinates' masses.
     pub fn rigid_motions(&self, system: &System, positions: &[Vector3<f64>]) -> Vec<Vec<Vector3<f64>>> {
         let dimension = system.dimension();
         let members: Vec<usize> = self.particles.iter().chain(&self.anchors).copied().collect();
@@ -135,7 +129,8 @@ impl Body {
         let size = free.trace();
         let projected = admitted.transpose() * free * &admitted;
         let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(projected);
-        let kept = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] > ROUNDING * size);
+        // The rounding of a sum of squares, with room: a body is straight to a ten-millionth of its length.
+        let kept = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] > 1e-14 * size);
         kept.map(|k| {
             let coefficients = &admitted * eigenvectors.column(k) / eigenvalues[k].sqrt();
             let of_particle = |&p: &usize| {
@@ -148,11 +143,11 @@ impl Body {
     }
 }
 
-/// An orthonormal basis of the null space of a positive semidefinite matrix.
+/// An orthonormal basis of the null space of a positive semidefinite matrix, of eigenvalues up to 1e-9 of its trace.
 fn null_space(form: DMatrix<f64>) -> DMatrix<f64> {
     let size = form.trace();
     let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(form);
-    let null: Vec<usize> = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] <= NOTHING * size).collect();
+    let null: Vec<usize> = (0..eigenvalues.len()).filter(|&k| eigenvalues[k] <= 1e-9 * size).collect();
     eigenvectors.select_columns(&null)
 }
 

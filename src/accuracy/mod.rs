@@ -1,13 +1,9 @@
 //! Runs to a required accuracy, and the method that suits a scene.
 //!
-//! **Confirmed** means that two runs which do not share their errors agree, and that the propagated error explains their difference:
-//!
-//! 1. a run with the [propagated error](crate::integrate::PropagatedError) of its own steps, and
-//! 2. a run of the same method with steps at least twice as fine, which ends as far from the first as that error says.
-//!
-//! The second run is the answer. With the method's order p and steps f times as fine its error is the difference, or the propagated
-//! error where that is more, over f^(p/2), half of the digits that the order promises. Where the motion magnifies errors the
-//! propagated error is large, whatever two runs agree on.
+//! **Confirmed** means that two runs which do not share their errors agree, and that the propagated error explains their difference: a run with the
+//! [propagated error](crate::integrate::PropagatedError) of its own steps, and a run of the same method with steps at least twice as fine, which ends
+//! as far from the first as that error says. The second run is the answer. With the method's order p and steps f times as fine its error is the
+//! difference, or the propagated error where that is more, over f^(p/2), half of the digits that the order promises.
 //!
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `accuracy`.
 
@@ -27,9 +23,8 @@ use nalgebra::Vector3;
 
 /// The relative position error `‖x − x̂‖ / ‖x̂ − c‖` of x against a reference x̂.
 ///
-/// Both norms are Euclidean over all coordinates of all particles; c is the centroid of x̂, so that the error does not depend
-/// on where the origin lies and is never below `‖x − x̂‖/‖x̂‖`. Where all particles of x̂ are at one place (a single
-/// particle) the denominator is the distance from where the motion `start`ed, and 1 m where that is zero too.
+/// Both norms are Euclidean over all coordinates of all particles; c is the centroid of x̂, so that the error does not depend on where the origin
+/// lies. Where all particles of x̂ are at one place the denominator is the distance from where the motion `start`ed, and 1 m where that is zero too.
 ///
 /// # Examples
 /// ```

@@ -142,22 +142,17 @@ impl<R> Answer<R> {
     }
 }
 
-/// Nine in ten propagated errors are within so many times of the truth (`verification/study.md`): a difference beyond that is not
-/// explained by them.
+/// Nine in ten propagated errors are within so many times of the truth (`verification/study.md`): they do not explain a larger difference.
 const AGREEMENT: f64 = 3.0;
 
 /// The relative error from which the linear equation of propagated errors does not hold, and below which an answer resolves a motion.
 const LINEAR: f64 = 0.1;
 
-/// The search goes on for so many times the cost of the last run whose finer steps paid: its propagated error is smaller than that of the run before by
-/// half of the digits that the order promises. A choice.
+/// The search goes on for so many times the cost of the last run whose finer steps [paid](Candidate::pays). A choice.
 const WORTH: f64 = 10.0;
 
-/// Runs that break down, each with steps four times as fine as the one before, until the search ends. A choice.
-const MOST_FAILURES: u32 = 6;
-
-/// Runs until the answer is confirmed, or finer steps of ten times the cost do not make errors smaller. `None` where no run comes to its end. Where `go_on`
-/// returns `false` the search ends with the best answer so far, as interrupted.
+/// Runs until the answer is confirmed, or finer steps of ten times the cost do not make errors smaller. `None` where no run comes to its end. Where
+/// `go_on` returns `false` the search ends with the best answer so far, as interrupted.
 ///
 /// # Errors
 /// Coincident ends of a spring in `start`; a matrix that is too large; an error of the observer.
@@ -166,12 +161,9 @@ const MOST_FAILURES: u32 = 6;
 /// ```
 /// use sprung::accuracy::{AccuracyOptions, Verdict, run_to_accuracy};
 ///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
+/// # let mut builder = sprung::SystemBuilder::new();
+/// # [0.0, 1.0].map(|x| builder.particle([x, 0.0, 0.0], 1.0));
+/// # builder.hold(0).spring(0, 1, sprung::Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
 /// let (system, start) = builder.build()?;
 /// let options = AccuracyOptions {
 ///     accuracy: 1e-3,
@@ -209,7 +201,8 @@ pub fn run_to_accuracy<O: Observer>(
         let coarse = match search.run(candidate, true)? {
             Attempt::Completed(run) => *run,
             Attempt::Interrupted => break Verdict::Interrupted,
-            Attempt::Failed if failures < MOST_FAILURES => {
+            // A choice: six runs that break down, each with steps four times as fine.
+            Attempt::Failed if failures < 6 => {
                 failures += 1;
                 candidate = candidate.finer(FINER * FINER);
                 continue;
@@ -303,11 +296,9 @@ struct Search<'s, O> {
 impl<O: Observer> Search<'_, O> {
     fn configuration(&self, method: Method) -> Configuration {
         let AccuracyOptions { par, stiffness, solver, .. } = *self.options;
-        let options = ImplicitOptions::default();
-        let linear = SolverOptions { solver: solver.unwrap_or(options.linear.solver), par, ..options.linear };
-        let options = ImplicitOptions { linear, ..options };
-        let stiffness = stiffness.unwrap_or(options.stiffness);
-        Configuration { method, options: ImplicitOptions { stiffness, ..options } }
+        let ImplicitOptions { stiffness: policy, linear } = ImplicitOptions::default();
+        let linear = SolverOptions { solver: solver.unwrap_or(linear.solver), par, ..linear };
+        Configuration { method, options: ImplicitOptions { stiffness: stiffness.unwrap_or(policy), linear } }
     }
 
     fn adaptive(&self, method: Method) -> Candidate {

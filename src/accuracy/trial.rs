@@ -68,31 +68,10 @@ pub struct Trial {
     pub wall: Duration,
 }
 
-/// Runs a configuration for `duration` seconds from a state; where `go_on` returns `false` the status is
-/// [`Interrupted`](Status::Interrupted).
+/// Runs a configuration for `duration` seconds from a state; where `go_on` returns `false` the status is [`Interrupted`](Status::Interrupted).
 ///
 /// # Errors
 /// Coincident ends of a spring in `start`; a matrix that is too large; adaptive steps of a method without error estimate.
-///
-/// # Examples
-/// ```
-/// use sprung::Method;
-/// use sprung::accuracy::{Configuration, StepControl, trial};
-/// use sprung::integrate::ImplicitOptions;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, start) = builder.build()?;
-/// let configuration = Configuration { method: Method::Bdf2, options: ImplicitOptions::default() };
-/// let run = trial(&system, &start, &configuration, StepControl::Step(0.01), 1.0, &|| true)?;
-/// assert_eq!(run.status.name(), "completed");
-/// assert!((run.state.positions[1].x - (2.0 - 10.0_f64.sqrt().cos())).abs() < 0.01);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub fn trial(
     system: &System,
     start: &State,

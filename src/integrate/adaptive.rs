@@ -3,32 +3,22 @@
 //! **Error.** A step from x to x' is accepted if its estimated local errors e_x and e_v of positions and velocities keep
 //!
 //! ```text
-//! e = √(‖e_x‖² + (X/V)² ‖e_v‖²)/(r X) · w^((p + 1)/q) ≤ 1,      w = max(1, min(TV/X, 10), TV/(10 X)).
+//! e = √(‖e_x‖² + (X/V)² ‖e_v‖²)/(r X) · w^((p + 1)/q) ≤ 1,      w = max(1, min(TV/X, 10), TV/(10 X)),
 //! ```
 //!
-//! Norms are Euclidean over all particles. X is the spread `‖x − centroid‖` of the positions, and no less than a hundredth of
-//! its largest value so far (two particles that pass each other have none for a moment). V is the largest ‖v‖ so far, and at
-//! least `0.3 min(a₀T, √(a₀X))`, a₀ the norm of the accelerations at the start of the run of T seconds. (Where all particles are
-//! at one place, V is at least `0.3 a₀T` and X is V T.)
+//! times the method's [safety factor](AdaptiveStepper::safety_factor). Norms are Euclidean over all particles. X is the spread `‖x − centroid‖` of
+//! the positions, and no less than a hundredth of its largest value so far (two particles that pass each other have none for a moment). V is the
+//! largest ‖v‖ so far, and at least `0.3 min(a₀T, √(a₀X))`, a₀ the norm of the accelerations at the start of the run of T seconds. (Where all
+//! particles are at one place, V is at least `0.3 a₀T` and X is V T.) X/V is the time in which a velocity error becomes a position error of the same
+//! relative size.
 //!
-//! *Velocities count in full.* X/V is the time in which a velocity error becomes a position error of the same relative size. A
-//! method that damps leaves hardly any position error behind in a step that misses a fast vibration, and all of it in the
-//! velocity. Where a method's estimates are known to fall short in this, e is multiplied by its
-//! [safety factor](AdaptiveStepper::safety_factor).
+//! *Local errors add up.* With the same r in every step a method of order q whose estimate falls as h^(p + 1) ends with an error of rtol^(q/(p + 1)).
+//! So `r = rtol (2 rtol)^((p + 1)/q − 1)`, and rtol above a half. Errors at the end are proportional to the path length TV in extents, up to about
+//! ten of them: the factor w, measured on random scenes (`verification/study.md`).
 //!
-//! *Local errors add up.* With the same r in every step a method of order q whose estimate falls as h^(p + 1) ends with an error
-//! of rtol^(q/(p + 1)). So `r = rtol (2 rtol)^((p + 1)/q − 1)`, and rtol above a half; methods that go on with the finer of two
-//! formulas of neighbouring orders have p + 1 = q and r = rtol. Errors at the end are proportional to the path length TV in
-//! extents, up to about ten of them: the factor w, measured on random scenes (`verification/study.md`).
-//!
-//! *Damping by rotation* does not cancel: a method whose stages have the directions of springs from the step's start brakes the
-//! motion where stiff springs turn, see [`AdaptiveStepper::rotational_damping`].
-//!
-//! **The next step.** Gustafsson's PI controller (1991) proposes `h (0.9/e)^{0.7/(p + 1)} (e_last/e)^{0.4/(p + 1)}`; steps that
-//! stability bounds keep farther away from e = 1 (see `control`). A method that saves a factorization when h stays keeps it as
-//! long as the proposal is within a dead band. A step that fails (an indefinite matrix, a collapsed spring) is tried again with
-//! half of h, and later steps come back to that length slowly. The first step is Hairer, Nørsett and Wanner's, see
-//! [`Scales::first_step`].
+//! **The next step.** Gustafsson's PI controller (1991) proposes `h (0.9/e)^{0.7/(p + 1)} (e_last/e)^{0.4/(p + 1)}`, see `step_size`. A method that
+//! saves a factorization when h stays keeps it as long as the proposal is within a dead band. A step that fails (an indefinite matrix, a collapsed
+//! spring) is tried again with half of h, and later steps come back to that length slowly.
 //!
 //! Steps land exactly on the end of the run and on every kink of a prescribed path, where methods with a memory start anew.
 
@@ -51,12 +41,9 @@ use step_size::Control;
 /// use sprung::integrate::{AdaptiveOptions, ImplicitOptions, Rodas4, run_adaptive};
 /// use std::ops::ControlFlow;
 ///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
+/// # let mut builder = sprung::SystemBuilder::new();
+/// # [0.0, 1.0].map(|x| builder.particle([x, 0.0, 0.0], 1.0));
+/// # builder.hold(0).spring(0, 1, sprung::Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
 /// let (system, mut state) = builder.build()?;
 /// let mut stepper = Rodas4::new(&system, &state, &ImplicitOptions::default())?;
 /// let options = AdaptiveOptions::new(1.0, 1e-6)?.sampled_every(0.25)?;
@@ -75,8 +62,7 @@ use step_size::Control;
 pub struct AdaptiveOptions {
     /// Length of the run, in s; positive.
     pub duration: f64,
-    /// About the error of positions at the end, relative to their distance from their centroid (Euclidean norms), where the
-    /// motion does not magnify small differences.
+    /// About the error of positions at the end, relative to their distance from their centroid, where the motion does not magnify small differences.
     pub rtol: f64,
     /// The first step to try, in s; `None` for one that the forces suggest.
     pub first_step: Option<f64>,
@@ -118,8 +104,7 @@ impl AdaptiveOptions {
 pub enum OutputTimes {
     /// After every accepted step.
     Steps,
-    /// At multiples of an interval, in s, and at the end of the run; within steps by
-    /// [interpolation](AdaptiveStepper::interpolate).
+    /// At multiples of an interval, in s, and at the end of the run; within steps by [interpolation](AdaptiveStepper::interpolate).
     Every(f64),
 }
 
@@ -134,8 +119,7 @@ pub struct ErrorEstimate<'a> {
 
 /// A method that estimates the local error of its steps.
 ///
-/// A step is tried, and then accepted or rejected. [`TimeStepper::restart`] is called where the motion is not smooth; a method
-/// with a memory may take its next step by another formula then.
+/// A step is tried, and then accepted or rejected. [`TimeStepper::restart`] is called where the motion is not smooth.
 pub trait AdaptiveStepper: TimeStepper {
     /// Computes a step of dt seconds and estimates its error; the state is left as it is.
     ///
@@ -143,8 +127,7 @@ pub trait AdaptiveStepper: TimeStepper {
     /// The reason why the step could not be done.
     fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure>;
 
-    /// Another estimate of the error of the step tried last, of lower order. With one the error e of the first counts as
-    /// `e²/√(e² + 0.01 ẽ²)`, after Hairer.
+    /// Another estimate ẽ for the step tried last, of lower order. With one the error e of the first counts as `e²/√(e² + 0.01 ẽ²)`, after Hairer.
     fn coarser_estimate(&self) -> Option<ErrorEstimate<'_>> {
         None
     }
@@ -153,13 +136,12 @@ pub trait AdaptiveStepper: TimeStepper {
     fn accept(&mut self, state: &mut State);
 
     /// Forgets the step tried last.
-    fn reject(&mut self);
+    fn reject(&mut self) {}
 
     /// q, the method's order: the power of h with which the error at a fixed time falls.
     fn order(&self) -> u32;
 
-    /// The p for which the estimate of the step tried last falls as h^(p + 1); a formula that starts a method may be of lower
-    /// order. Before the first step, that of the method.
+    /// The p for which the estimate of the step tried last falls as h^(p + 1). Before the first step, that of the method.
     fn estimate_order(&self) -> u32 {
         self.order()
     }
@@ -169,8 +151,7 @@ pub trait AdaptiveStepper: TimeStepper {
         1.0
     }
 
-    /// The share of the kinetic energy that the linearisation took from the motion in the step tried last, where springs turned;
-    /// the estimate does not see it.
+    /// The share of the kinetic energy that the linearisation took from springs that turn in the step tried last; the estimate does not see it.
     fn rotational_damping(&self) -> f64 {
         0.0
     }
@@ -190,8 +171,8 @@ pub trait AdaptiveStepper: TimeStepper {
         5.0
     }
 
-    /// Sets `sample` to the motion at a time within the step accepted last, which led from `before` to `after`; prescribed
-    /// coordinates need not be right. By default the cubic Hermite polynomial through both ends, right to O(h⁴).
+    /// Sets `sample` to the motion at a time within the step accepted last, from `before` to `after`; prescribed coordinates need not be right. By
+    /// default the cubic Hermite polynomial through both ends, right to O(h⁴).
     fn interpolate(&mut self, before: &State, after: &State, time: f64, sample: &mut State) {
         hermite(before, after, time, sample);
     }
@@ -217,8 +198,8 @@ pub(crate) fn hermite(before: &State, after: &State, time: f64, sample: &mut Sta
 /// Shortest step, relative to the run: one of 10¹⁰ steps does not end.
 const SHORTEST: f64 = 1e-10;
 
-/// Advances `state` by `options.duration` with steps that keep the error estimate within tolerance. `observe` sees a running
-/// number and the state as often as `options.sampling` says, and may ask to stop.
+/// Advances `state` by `options.duration` with steps that keep the error estimate within tolerance. `observe` sees a running number and the state
+/// as often as `options.sampling` says, and may ask to stop.
 pub fn run_adaptive(
     stepper: &mut dyn AdaptiveStepper,
     system: &System,
@@ -229,8 +210,7 @@ pub fn run_adaptive(
     drive(stepper, system, state, options, None, |count, state, _| observe(count, state))
 }
 
-/// As [`run_adaptive`], with a monitor that enters every accepted step before `observe` sees samples of it, and ends the run
-/// when energy appears from nowhere: the state is then one from before that.
+/// As [`run_adaptive`], with a monitor, as [`run_monitored`](super::run_monitored) has it.
 pub fn run_adaptive_monitored(
     stepper: &mut dyn AdaptiveStepper,
     system: &System,
@@ -252,14 +232,10 @@ fn drive(
     mut monitor: Option<&mut Monitor>,
     mut observe: impl FnMut(u64, &State, Option<&Monitor>) -> ControlFlow<()>,
 ) -> Outcome {
-    let (mut scales, mut forces) =
-        Scales::at_start(system, state, options, [stepper.order(), stepper.estimate_order()]);
-    let first = options.first_step.unwrap_or_else(|| {
-        let (step, evaluations) = scales.first_step(system, state, options, stepper.estimate_order());
-        forces += evaluations;
-        step
-    });
-    stepper.statistics_mut().work.force_evaluations += forces;
+    let mut scales = Scales::at_start(system, state, options, [stepper.order(), stepper.estimate_order()]);
+    let suggested = || scales.first_step(system, state, options, stepper.estimate_order());
+    let (first, forces) = options.first_step.map_or_else(suggested, |step| (step, 0));
+    stepper.statistics_mut().work.force_evaluations += 1 + forces;
     let mut control = Control::new(first, options.duration);
     let end = state.time + options.duration;
     let mut samples = Samples { sampling: options.sampling, start: state.time, count: 0, sample: state.clone() };
@@ -337,8 +313,7 @@ fn try_step(
     Ok((error.hypot(scales.lag(stepper.rotational_damping(), h, state)), doubt))
 }
 
-/// `Σ 2 m (‖v‖ + 5 ‖e_v‖) ‖e_v‖ + 10 κ ‖e_x‖²` over the particles, κ the sum of k/l0 of the springs at each: see
-/// `monitor/instability`.
+/// `Σ 2 m (‖v‖ + 5 ‖e_v‖) ‖e_v‖ + 10 κ ‖e_x‖²`, κ the sum of k/l0 of the springs at a particle: see `monitor/instability`.
 fn doubt(system: &System, stiffness: &[f64], estimate: &ErrorEstimate, state: &State) -> f64 {
     let of_velocities = system.masses().iter().zip(estimate.velocities).zip(&state.velocities);
     let kinetic = of_velocities.map(|((mass, e), v)| 2.0 * mass * (v.norm() + 5.0 * e.norm()) * e.norm());
@@ -362,7 +337,6 @@ struct Samples {
 }
 
 impl Samples {
-    /// After a step of `stepper` from `before` to `after`.
     fn observe(
         &mut self,
         system: &System,

@@ -1,5 +1,5 @@
-//! Backward Euler: linearised at the start of the step (linearly implicit or semi-implicit Euler, the method of the lecture notes in
-//! `spring`), and with the nonlinear equations solved to convergence.
+//! Backward Euler: linearised at the start of the step (linearly implicit or semi-implicit Euler, the method of the lecture notes in `spring`), and
+//! with the nonlinear equations solved to convergence.
 //!
 //! The equations `M (v' − v)/dt = f_el(x') + f_d(x', v') + g` with `x' = x + δx`, `v' = δx/dt` are solved by Newton's method in δx; or
 //! linearised at x with `f_el(x') ≈ f_el(x) + K δx` and `f_d(x', v') ≈ G v'`, they become
@@ -8,10 +8,9 @@
 //! A δx = b,   A = M/dt² − G/dt − K,   b = M v/dt + g + f_el(x),   x' = x + δx,   v' = δx/dt.
 //! ```
 //!
-//! In this form no damping stands on the right. Prescribed particles move by the known δx_c; their rows and columns leave
-//! the system, and the free rows get `b_f −= A_fc δx_c`.
+//! Prescribed particles move by the known δx_c; their rows and columns leave the system, and the free rows get `b_f −= A_fc δx_c`.
 
-use super::implicit::{ImplicitOptions, LinearSystem};
+use super::implicit::{ImplicitOptions, LinearSystem, constructors, of_linear_system};
 use super::linear_tolerance::mass_norm;
 use super::newton::{Newton, NewtonOptions};
 use super::propagated_error::LeadingTerm;
@@ -31,45 +30,16 @@ pub struct LinearBackwardEuler<'s> {
 }
 
 impl<'s> LinearBackwardEuler<'s> {
-    /// Prepares pattern, ordering and symbolic analysis once for all steps.
-    ///
-    /// # Errors
-    /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large.
-    pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
-        LinearSystem::new(system, state, options).map(Self::of)
-    }
+    constructors!();
 
-    /// As [`new`](Self::new), with your own linear solver; of `options.linear` only the tolerance and the interrupt apply.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn with_solver(
-        system: &'s System,
-        state: &State,
-        options: &ImplicitOptions,
-        solver: Box<dyn LinearSolver + 's>,
-    ) -> Result<Self> {
-        LinearSystem::with_solver(system, state, options, solver).map(Self::of)
-    }
-
-    fn of(linear: LinearSystem<'s>) -> Self {
+    fn of(linear: LinearSystem<'s>, _: &State) -> Result<Self> {
         let zeros = || vec![Vector3::zeros(); linear.system.particles()];
-        Self { force: zeros(), displacement: zeros(), linear }
+        Ok(Self { force: zeros(), displacement: zeros(), linear })
     }
 }
 
 impl TimeStepper for LinearBackwardEuler<'_> {
-    fn name(&self) -> &'static str {
-        "linear-backward-euler"
-    }
-
-    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
-        Some(self.linear.solver())
-    }
-
-    fn load_kinks(&self) -> &[f64] {
-        self.linear.system.prescribed().load_kinks()
-    }
+    of_linear_system!("linear-backward-euler", linear);
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         StepFailure::of_arguments(self.linear.system, state, dt)?;
@@ -119,10 +89,6 @@ impl TimeStepper for LinearBackwardEuler<'_> {
         error.add_local();
         true
     }
-
-    fn statistics(&self) -> &Statistics {
-        &self.linear.statistics
-    }
 }
 
 /// `b = M v/dt + g + f_el(x) + f_ext − D v`, full-length and without the coupling to prescribed particles.
@@ -160,29 +126,15 @@ fn advance(system: &System, state: &mut State, displacement: &[Vector3<f64>], dt
 }
 
 /// Backward Euler, first order, nonlinear.
-pub struct BackwardEuler<'s>(Newton<'s>);
+pub struct BackwardEuler<'s> {
+    newton: Newton<'s>,
+}
 
 impl<'s> BackwardEuler<'s> {
-    /// Prepares pattern, ordering and symbolic analysis once for all steps.
-    ///
-    /// # Errors
-    /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large; invalid options.
-    pub fn new(system: &'s System, state: &State, options: &ImplicitOptions, newton: NewtonOptions) -> Result<Self> {
-        Newton::new(LinearSystem::new(system, state, options)?, state, newton).map(Self)
-    }
+    constructors!(newton: NewtonOptions);
 
-    /// As [`new`](Self::new), with your own linear solver; of `options.linear` only the tolerance and the interrupt apply.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn with_solver(
-        system: &'s System,
-        state: &State,
-        options: &ImplicitOptions,
-        newton: NewtonOptions,
-        solver: Box<dyn LinearSolver + 's>,
-    ) -> Result<Self> {
-        Newton::new(LinearSystem::with_solver(system, state, options, solver)?, state, newton).map(Self)
+    fn of(linear: LinearSystem<'s>, state: &State, newton: NewtonOptions) -> Result<Self> {
+        Ok(Self { newton: Newton::new(linear, state, newton)? })
     }
 }
 
@@ -191,49 +143,35 @@ impl<'s> BackwardEuler<'s> {
 impl BackwardEuler<'_> {
     /// Keeps an option for all iterations.
     pub(crate) fn keep_option(&mut self) {
-        self.0.keeps_option = true;
+        self.newton.keeps_option = true;
     }
 
     /// Transverse terms that the matrices of all solves have dropped or mirrored.
     pub(crate) fn changed_terms(&self) -> u64 {
-        self.0.linear.changed_terms
+        self.newton.linear.changed_terms
     }
 }
 
 impl TimeStepper for BackwardEuler<'_> {
-    fn name(&self) -> &'static str {
-        "backward-euler"
-    }
-
-    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
-        Some(self.0.linear.solver())
-    }
-
-    fn load_kinks(&self) -> &[f64] {
-        self.0.linear.system.prescribed().load_kinks()
-    }
+    of_linear_system!("backward-euler", newton.linear);
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
-        let system = self.0.linear.system;
+        let system = self.newton.linear.system;
         StepFailure::of_arguments(system, state, dt)?;
-        system.prescribed().displacement(state.time + dt, &state.positions, &mut self.0.displacement);
-        self.0.solve(state, dt)?;
-        advance(system, state, &self.0.displacement, dt)
+        system.prescribed().displacement(state.time + dt, &state.positions, &mut self.newton.displacement);
+        self.newton.solve(state, dt)?;
+        advance(system, state, &self.newton.displacement, dt)
     }
 
     fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
-        let system = self.0.linear.system;
+        let system = self.newton.linear.system;
         if !fits(system, error, step) {
             return false;
         }
         error.set_local(system, step, LeadingTerm::BACKWARD_EULER);
-        self.0.resolve(step.length, error);
+        self.newton.resolve(step.length, error);
         error.add_local();
         true
-    }
-
-    fn statistics(&self) -> &Statistics {
-        &self.0.linear.statistics
     }
 }
 

@@ -1,5 +1,4 @@
-//! The second-order backward differentiation formula, linearised where the step ends: one factorization and one solve a step
-//! in the ordinary case.
+//! The second-order backward differentiation formula, linearised where the step ends: one factorization and one solve a step in the ordinary case.
 //!
 //! **The formula.** With `ω = h/h₋`, the ratio of this step to the last one, and `β = ω²/(1 + 2ω)`,
 //!
@@ -8,10 +7,9 @@
 //! x' = x̃ + τ v',        M (v' − ṽ)/τ = f_el(x') + f_d(x', v') + g:
 //! ```
 //!
-//! a backward Euler step over τ from the point (x̃, ṽ). Equal steps have β = 1/3 and τ = 2h/3. Second order, L-stable with equal steps,
-//! and stable for any sequence of steps with ratios below 1 + √2. Where there is no past, ω = 0 makes it the backward Euler step over
-//! h: so is the first step, and every step whose past says nothing about its future, see [`history`]. One error of second
-//! order costs no order. (Choi and Ko, 2002, use the formula for cloth.)
+//! a backward Euler step over τ from the point (x̃, ṽ). L-stable with equal steps, and stable for ratios below 1 + √2. Where there is no past, see
+//! [`history`], ω = 0 makes it the backward Euler step over h; one error of second order costs no order. (Choi and Ko, 2002, use the formula for
+//! cloth.)
 //!
 //! **One iteration.** The equations are solved by a quasi-Newton iteration from the predicted state
 //!
@@ -25,17 +23,14 @@
 //! A(τ; y) d = −[M (w − ṽ)/τ − f_el(y) − f_d(y, w) − g],     x' = y + d,     v' = (x' − x̃)/τ.
 //! ```
 //!
-//! As y is off by O(h³) only, one iteration with any matrix that contracts is the formula up to O(h⁴) or better, so every stiffness option
-//! keeps the order. The on-demand policy takes the one of [`iteration`], where the residual at x' decides whether one iteration is
-//! enough. A spring that turns is not slowed by the stretch that turning by v h would bring, as it is when forces are linearised at x.
-//!
-//! **Error estimate.** From differences of velocities alone, see [`history`]. No step reuses the matrix of the last one: its directions are
-//! outdated, and an error along a stiff spring then has a part across it of many times the step's own error.
+//! As y is off by O(h³) only, one iteration with any matrix that contracts is the formula up to O(h⁴) or better. The on-demand policy takes the
+//! matrix of [`iteration`], where the residual at x' decides whether one iteration is enough. No step reuses the matrix of the last one: its
+//! directions are outdated, and an error along a stiff spring then has a part across it of many times the step's own error.
 
 mod history;
 mod iteration;
 
-use super::implicit::{ImplicitOptions, LinearSystem};
+use super::implicit::{ImplicitOptions, LinearSystem, constructors, of_linear_system};
 use super::newton::{Newton, NewtonOptions};
 use super::propagated_error::LeadingTerm;
 use super::{
@@ -49,27 +44,6 @@ use history::{Estimate, History, MOST_GROWTH};
 use iteration::Tensions;
 
 /// The second-order backward differentiation formula with variable steps, linearised where the step ends.
-///
-/// # Examples
-/// ```
-/// use sprung::integrate::{Bdf2, ImplicitOptions, TimeStepper};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// let mut stepper = Bdf2::new(&system, &state, &ImplicitOptions::default())?;
-/// for _ in 0..100 {
-///     stepper.step(&mut state, 0.001)?;
-/// }
-/// // A particle of 1 kg on 10 N/m, 1 m from rest, at t = 0.1 s.
-/// let exact = 2.0 - (10.0_f64.sqrt() * 0.1).cos();
-/// assert!((state.positions[1].x - exact).abs() < 1e-3);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[doc(alias = "BDF2")]
 pub struct Bdf2<'s> {
     newton: Newton<'s>,
@@ -85,28 +59,10 @@ pub struct Bdf2<'s> {
 }
 
 impl<'s> Bdf2<'s> {
-    /// Prepares pattern, ordering and symbolic analysis once for all steps.
-    ///
-    /// # Errors
-    /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large.
-    pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
-        Self::of(system, state, LinearSystem::new(system, state, options)?)
-    }
+    constructors!();
 
-    /// As [`new`](Self::new), with your own linear solver; of `options.linear` only the tolerance and the interrupt apply.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn with_solver(
-        system: &'s System,
-        state: &State,
-        options: &ImplicitOptions,
-        solver: Box<dyn LinearSolver + 's>,
-    ) -> Result<Self> {
-        Self::of(system, state, LinearSystem::with_solver(system, state, options, solver)?)
-    }
-
-    fn of(system: &'s System, state: &State, mut linear: LinearSystem<'s>) -> Result<Self> {
+    fn of(mut linear: LinearSystem<'s>, state: &State) -> Result<Self> {
+        let system = linear.system;
         // A correction is of the size of a step's error; without a preconditioner errors may be a hundred times the residuals.
         linear.adaptive_tolerance.set_floor(1e-7);
         Ok(Self {
@@ -162,17 +118,7 @@ fn duration(h: f64, ratio: f64) -> f64 {
 }
 
 impl TimeStepper for Bdf2<'_> {
-    fn name(&self) -> &'static str {
-        "bdf2"
-    }
-
-    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
-        Some(self.newton.linear.solver())
-    }
-
-    fn load_kinks(&self) -> &[f64] {
-        self.newton.linear.system.prescribed().load_kinks()
-    }
+    of_linear_system!("bdf2", newton.linear);
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         let system = self.newton.linear.system;
@@ -206,10 +152,6 @@ impl TimeStepper for Bdf2<'_> {
         self.newton.resolve(duration(step.length, ratio), error);
         true
     }
-
-    fn statistics(&self) -> &Statistics {
-        &self.newton.linear.statistics
-    }
 }
 
 impl AdaptiveStepper for Bdf2<'_> {
@@ -235,8 +177,6 @@ impl AdaptiveStepper for Bdf2<'_> {
         }
     }
 
-    fn reject(&mut self) {}
-
     fn order(&self) -> u32 {
         2
     }
@@ -245,8 +185,8 @@ impl AdaptiveStepper for Bdf2<'_> {
         if self.ratio > 0.0 { 2 } else { 1 }
     }
 
-    /// Errors of the formula have the same sign throughout a vibration, and add up where those of other methods cancel; estimates do not see
-    /// what it damps. Fitted to random scenes that magnify errors up to a hundredfold, so that none ends twenty tolerances off.
+    /// Errors of the formula have the same sign throughout a vibration, and estimates do not see what it damps. Fitted to random scenes that magnify
+    /// errors up to a hundredfold, so that none ends twenty tolerances off.
     fn safety_factor(&self) -> f64 {
         36.0
     }

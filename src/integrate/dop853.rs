@@ -1,15 +1,12 @@
-//! DOP853, the explicit Runge–Kutta method of eighth order by Dormand and Prince, with step control and an interpolant by Hairer
-//! and Wanner.
+//! DOP853, the explicit Runge–Kutta method of eighth order by Dormand and Prince, with step control and an interpolant by Hairer and Wanner.
 //!
-//! **The method** has twelve stages. On positions and velocities, `x' = v`, `v' = a(x, v)`, with
-//! accelerations a_j of the stages,
+//! **The method** has twelve stages. On positions and velocities, `x' = v`, `v' = a(x, v)`, with accelerations a_j of the stages,
 //!
 //! ```text
 //! V_i = v + h Σ A_ij a_j,      X_i = x + h Σ A_ij V_j = x + c_i h v + h² Σ (A²)_ij a_j,
 //! ```
 //!
-//! so that only accelerations are stored and every stage reads them once. (A and A² have the same zeros: the method's
-//! simplifying conditions `Σ A_ij A_jk = 0`.) Row 12 of A is the formula itself: `x' = X_12`, `v' = V_12`.
+//! so that only accelerations are stored and every stage reads them once. Row 12 of A is the formula itself: `x' = X_12`, `v' = V_12`.
 //!
 //! **Error estimate.** With two embedded differences E5 and E3 of the same stages, of fifth and third order, the error is taken as
 //! `‖e5‖²/√(‖e5‖² + 0.01 ‖e3‖²)`, which falls as h⁸, see [`AdaptiveStepper::coarser_estimate`]. The method's own error falls as h⁹. On a
@@ -19,21 +16,20 @@
 //! ‖e5‖/‖e3‖ = 0.0033 z²,      |R(iz) − e^{iz}| = 0.148 z · ‖e5‖²/√(‖e5‖² + 0.01 ‖e3‖²)
 //! ```
 //!
-//! within 10 % up to z = 2, where the second factor goes over to a constant 0.4. So the estimates also give z, and the local error of a
-//! step is `0.148 min(z, 3)` times their joint one, right within a third as far as the method is stable.
+//! within 10 % up to z = 2, where the second factor goes over to a constant 0.4. So the local error of a step is `0.148 min(z, 3)` times the joint
+//! estimate, right within a third as far as the method is stable.
 //!
-//! **Between the ends of a step** the motion is a polynomial of degree seven, `v + h Σ w_j(s) a_j` at the share s of the step and
-//! x as above, right to O(h⁸). It takes three more evaluations, made when one is asked for. Near the stability limit and beyond it the
-//! polynomial magnifies fast vibrations that the formula itself damps. On a vibration it differs from the quintic through
-//! positions, velocities and accelerations at both ends by `1.6 ‖e5‖` up to z = 3, by `4.5 ‖e5‖` at z = 5 and by `23 ‖e5‖` at z = 8; at
-//! a moment by up to z times that, as the two are not in phase. Where they differ by more than `5 ‖e5‖`, that is up to the limit 3 of the
-//! formula's accuracy times 1.6, a shorter step of the method takes its place, of eleven evaluations.
+//! **Between the ends of a step** the motion is a polynomial of degree seven, `v + h Σ w_j(s) a_j` at the share s of the step and x as above, right
+//! to O(h⁸). It takes three more evaluations, made when one is asked for. Near the stability limit and beyond it the polynomial magnifies fast
+//! vibrations that the formula itself damps: on a vibration it differs from the quintic through positions, velocities and accelerations at both ends
+//! by `1.6 ‖e5‖` up to z = 3, by `4.5 ‖e5‖` at z = 5 and by `23 ‖e5‖` at z = 8; at a moment by up to z times that. Where they differ by more than
+//! `5 ‖e5‖`, 1.6 times the limit 3 of the formula's accuracy, a shorter step of the method takes its place, of eleven evaluations.
 //!
-//! **Prescribed coordinates** have no acceleration between the kinks of their paths, so that stages move them as the path does.
-//! Steps are cut at kinks.
+//! **Prescribed coordinates** have no acceleration between the kinks of their paths, so that stages move them as the path does. Steps are cut at
+//! kinks.
 //!
-//! Sources: Dormand and Prince (1980), Prince and Dormand (1981); Hairer, Nørsett and Wanner, Solving Ordinary Differential
-//! Equations I, II.5, II.10, and their code dop853.f.
+//! Sources: Dormand and Prince (1980), Prince and Dormand (1981); Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, II.5, II.10,
+//! and their code dop853.f.
 
 mod coefficients;
 
@@ -79,8 +75,7 @@ pub struct Dop853<'s> {
 /// The stage that is the end of the step, and the formula's row.
 const END: usize = 12;
 
-/// Adds `Σ along_j a_j` to x and `Σ across_j a_j` to v, over the stages with a coefficient, block by block so that sums stay in the fastest
-/// cache.
+/// Adds `Σ along_j a_j` to x and `Σ across_j a_j` to v, over the stages with a coefficient, block by block so that sums stay in the cache.
 fn add_stages(
     stages: &[Vec<Vector3<f64>>; STAGES],
     [along, across]: [&Row; 2],
@@ -233,8 +228,7 @@ impl<'s> Dop853<'s> {
         add_stages(&self.stages, [&along, &across], &mut sample.positions, &mut sample.velocities);
     }
 
-    /// Whether a sample differs from the quintic through positions, velocities and accelerations at both ends of the last accepted step
-    /// by at most `5 ‖e5‖`, or rounding.
+    /// A sample differs from the quintic through both ends of the last accepted step by at most `5 ‖e5‖`, or rounding.
     fn is_near_quintic(&self, [before, after]: [&State; 2], share: f64, sample: &State) -> bool {
         let Self { system, h, stages, estimates: [[error_x, error_v], _], .. } = self;
         let (mut apart, mut allowed) = ([0.0; 2], [0.0; 2]);
@@ -358,8 +352,6 @@ impl AdaptiveStepper for Dop853<'_> {
         self.knows_first = false;
         self.local_error = self.position_error();
     }
-
-    fn reject(&mut self) {}
 
     fn order(&self) -> u32 {
         8

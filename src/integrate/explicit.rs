@@ -7,8 +7,7 @@ use crate::force::{SpringGeometry, set_total_force};
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
-/// Checks that a system has the state, that no spring has coincident ends, and that there is room for an explicit method of so many bytes for
-/// each particle.
+/// Refuses a state of another system, coincident ends of a spring, and an explicit method of too many bytes for each particle.
 pub(super) fn check_explicit(system: &System, state: &State, particle: u64) -> Result<()> {
     // The geometry has 40 bytes for a spring.
     check_room(system, state, [40, particle])?;
@@ -50,7 +49,6 @@ impl<'s> ExplicitEuler<'s> {
     }
 
     /// Symplectic (semi-implicit) Euler: `v' = v + dt M⁻¹ f(x, v)`, `x' = x + dt v'`. Stable without damping for `dt ≤ 2/ω_max`.
-    /// Damping is explicit.
     ///
     /// # Errors
     /// As of [`forward`](Self::forward).

@@ -108,8 +108,7 @@ impl Status {
 }
 
 impl StepFailure {
-    /// The outcome for all parts of a system: success if every part succeeds, else the failure of one of them. Solvers
-    /// agree by themselves.
+    /// The outcome for all parts of a system: success if every part succeeds, else the failure of one of them. Solvers agree by themselves.
     pub(super) fn of_any(system: &System, here: Result<(), Self>) -> Result<(), Self> {
         let Some(peers) = system.communicator() else { return here };
         // The degenerate spring of the lowest number, as the largest of the negatives; −∞ where there is none.

@@ -23,38 +23,62 @@ pub struct ImplicitOptions {
     pub linear: SolverOptions,
 }
 
-impl ImplicitOptions {
-    /// With this stiffness in the matrix: an option, or the policy.
-    ///
-    /// ```
-    /// use sprung::Stiffness;
-    /// use sprung::integrate::ImplicitOptions;
-    /// use sprung::linear::{SolverChoice, SolverOptions};
-    ///
-    /// let linear = SolverOptions::default().with_solver(SolverChoice::Cg).with_tolerance(1e-8)?;
-    /// let options = ImplicitOptions::default().with_stiffness(Stiffness::Tension).with_linear(linear);
-    /// assert_eq!((options.stiffness.name(), options.linear), ("tension", linear));
-    /// assert!(SolverOptions::default().with_tolerance(1.5).is_err());
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
-    #[must_use]
-    pub fn with_stiffness(self, stiffness: impl Into<StiffnessPolicy>) -> Self {
-        Self { stiffness: stiffness.into(), ..self }
-    }
-
-    /// With these options of the linear solver.
-    #[must_use]
-    pub fn with_linear(self, linear: SolverOptions) -> Self {
-        Self { linear, ..self }
-    }
-}
-
 impl Default for ImplicitOptions {
     fn default() -> Self {
         let linear = SolverOptions { tolerance: Tolerance::Adaptive, ..SolverOptions::default() };
         Self { stiffness: StiffnessPolicy::OnDemand, linear }
     }
 }
+
+/// The constructors of an implicit method, by its `of`, which gets the linear system, the state and an option of its own if it has one.
+macro_rules! constructors {
+    ($($own:ident: $type:ty)?) => {
+        /// Prepares pattern, ordering and symbolic analysis once for all steps.
+        ///
+        /// # Errors
+        /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large; invalid options.
+        pub fn new(system: &'s System, state: &State, options: &ImplicitOptions $(, $own: $type)?) -> Result<Self> {
+            Self::of(LinearSystem::new(system, state, options)?, state $(, $own)?)
+        }
+
+        /// As [`new`](Self::new), with your own linear solver; of `options.linear` only the tolerance and the interrupt apply.
+        ///
+        /// # Errors
+        /// As [`new`](Self::new).
+        pub fn with_solver(
+            system: &'s System,
+            state: &State,
+            options: &ImplicitOptions,
+            $($own: $type,)?
+            solver: Box<dyn LinearSolver + 's>,
+        ) -> Result<Self> {
+            Self::of(LinearSystem::with_solver(system, state, options, solver)?, state $(, $own)?)
+        }
+    };
+}
+
+/// The functions of a [`TimeStepper`](super::TimeStepper) that an implicit method answers by its linear system, which is at `path`.
+macro_rules! of_linear_system {
+    ($name:literal, $($path:ident).+) => {
+        fn name(&self) -> &'static str {
+            $name
+        }
+
+        fn linear_solver(&self) -> Option<&dyn LinearSolver> {
+            Some(self.$($path).+.solver())
+        }
+
+        fn load_kinks(&self) -> &[f64] {
+            self.$($path).+.system.prescribed().load_kinks()
+        }
+
+        fn statistics(&self) -> &Statistics {
+            &self.$($path).+.statistics
+        }
+    };
+}
+
+pub(super) use {constructors, of_linear_system};
 
 /// The linear systems of a stepper: geometry of the springs, matrix, solver and reduced vectors, all allocated once.
 pub(super) struct LinearSystem<'s> {
@@ -65,7 +89,6 @@ pub(super) struct LinearSystem<'s> {
     equations: MatrixAndSolver<'s>,
     /// Made when first needed.
     regularization: Option<Regularization>,
-    /// Of the progressive policy.
     projection: Option<Projection>,
     /// Transverse terms that all prepared matrices have dropped or mirrored, those of stretched springs under `axial` included.
     pub changed_terms: u64,
@@ -93,14 +116,12 @@ impl<'s> LinearSystem<'s> {
         Ok(linear)
     }
 
-    /// With conjugate gradients a stepper holds at most 200 bytes for a spring (block, geometry, option) and 1000 for a particle (some thirty
-    /// vectors).
+    /// With conjugate gradients a stepper holds at most 200 bytes for a spring and 1000 for a particle.
     fn check(system: &System, state: &State, options: &ImplicitOptions) -> Result<()> {
         options.linear.tolerance.check()?;
         check_room(system, state, [200, 1000])
     }
 
-    /// With the caller's own solver.
     pub fn with_solver(
         system: &'s System,
         state: &State,
@@ -144,8 +165,7 @@ impl<'s> LinearSystem<'s> {
         StepFailure::of_any(self.system, updated.map_err(Into::into))
     }
 
-    /// Begins the iteration, or the linearised step, of a residual r, full-length: of the first one of a problem, or of a later one. Only the
-    /// progressive policy looks at it.
+    /// Begins an iteration, the first of a problem or a later one, or a linearised step, with its residual r: for the progressive policy.
     pub fn begin(&mut self, r: &[Vector3<f64>], is_first: bool) {
         if let Some(projection) = &mut self.projection {
             if is_first {
@@ -178,15 +198,14 @@ impl<'s> LinearSystem<'s> {
         stiffness.softer()
     }
 
-    /// Prepares the matrix of a combination at the current extensions with the full stiffness. Where it is not positive definite it is refused as
-    /// indefinite, here or by [`solve`](Self::solve), whatever the solver.
+    /// As [`prepare`](Self::prepare), with the full stiffness. Where that is not positive definite it is refused as indefinite, here or by
+    /// [`solve`](Self::solve), whatever the solver.
     pub fn prepare_whole(&mut self, combination: Combination) -> Result<(), SolveFailure> {
         self.combination = combination;
         self.assemble(StiffnessState::whole())
     }
 
-    /// Prepares the matrix of a combination at the current extensions with the given transverse coefficients: `transverse` maps a spring and
-    /// its position among the active ones to its coefficient, in N/m and not negative.
+    /// As [`prepare`](Self::prepare), with transverse coefficients, in N/m and not negative, of a spring and its position among the active ones.
     pub fn prepare_with(
         &mut self,
         combination: Combination,
@@ -273,9 +292,8 @@ impl<'s> LinearSystem<'s> {
     /// Solves `A_ff δx_f = force_f − A_fc δx_c` with the prepared matrix to a relative residual: `tolerance`, or where that is `None`
     /// what the error in time of the last step allows, see [`LinearTolerance`].
     ///
-    /// `force` is full-length. `displacement` is full-length too: its prescribed entries hold δx_c on entry and its free
-    /// ones zero; on success these hold δx_f. Where conjugate gradients find the matrix indefinite and the policy allows, a
-    /// softer one takes its place, for later solves too.
+    /// `force` and `displacement` are full-length. Prescribed entries of `displacement` hold δx_c on entry and free ones zero; on success these hold
+    /// δx_f. Where conjugate gradients find the matrix indefinite and the policy allows, a softer one takes its place, for later solves too.
     pub fn solve(
         &mut self,
         tolerance: Option<f64>,
@@ -332,7 +350,6 @@ impl<'s> LinearSystem<'s> {
         self.improve(tolerance)
     }
 
-    /// Solves for the current right-hand side, starting from the current solution.
     fn improve(&mut self, tolerance: Option<f64>) -> Result<Solution, SolveFailure> {
         self.check_interrupt()?;
         let Self { equations, rhs, solution, statistics, adaptive_tolerance, combination, .. } = self;
@@ -349,16 +366,15 @@ impl<'s> LinearSystem<'s> {
         Ok(solved)
     }
 
-    /// Applies the resolvent `(1 − τJ)⁻¹` of the linearised motion to an error of positions, in m, and velocities, in m/s, with the prepared
-    /// matrix: a backward Euler step of τ seconds, written as a correction of steady motion,
+    /// Applies the resolvent `(1 − τJ)⁻¹` of the linearised motion to an error of positions, in m, and velocities, in m/s, with the prepared matrix:
     ///
     /// ```text
     /// A(τ) c = K (e_x + τ e_v) + G e_v − r,      d = τ e_v + c,      e_x += d,      e_v = d/τ.
     /// ```
     ///
-    /// K is exact, whatever stiffness the matrix has. `r` holds on entry the force that the linearised step left out, in N; it is used up. As an
-    /// iterative solver starts at c = 0, its residual is a part of the forces of the error and does not damp vibrations of the error. The
-    /// error is unchanged where the prepared matrix is not A(τ) or the solve fails. No later solve depends on this one.
+    /// K is exact, whatever stiffness the matrix has. `r` holds on entry the force that the linearised step left out, in N; it is used up. As c is a
+    /// correction of steady motion, the residual of an iterative solver does not damp vibrations of the error. The error is unchanged where the
+    /// prepared matrix is not A(τ) or the solve fails. No later solve depends on this one.
     pub fn resolve(
         &mut self,
         tau: f64,
@@ -389,7 +405,6 @@ impl<'s> LinearSystem<'s> {
         }
     }
 
-    /// Large systems spend their time in assemblies and solves: each begins with this.
     fn check_interrupt(&self) -> Result<(), SolveFailure> {
         if self.interrupt.is_requested() { Err(SolveFailure::Interrupted) } else { Ok(()) }
     }

@@ -1,15 +1,14 @@
 //! The implicit midpoint rule, with the nonlinear equations solved to convergence.
 //!
-//! `x' = x + h v_mid`, `M (v' − v)/h = f_el(x_mid) + f_d(x_mid, v_mid) + g` at the means `x_mid = (x + x')/2`,
-//! `v_mid = (v + v')/2`. Since `x_mid = x + (h/2) v_mid` and `M (v_mid − v)/(h/2) = f(x_mid, v_mid)`, the midpoint is a backward
-//! Euler step of length h/2, solved by Newton's method; then `x' = 2x_mid − x`, `v' = 2v_mid − v`.
+//! `x' = x + h v_mid`, `M (v' − v)/h = f_el(x_mid) + f_d(x_mid, v_mid) + g` at the means `x_mid = (x + x')/2`, `v_mid = (v + v')/2`. Since
+//! `x_mid = x + (h/2) v_mid` and `M (v_mid − v)/(h/2) = f(x_mid, v_mid)`, the midpoint is a backward Euler step of length h/2, solved by Newton's
+//! method; then `x' = 2x_mid − x`, `v' = 2v_mid − v`.
 //!
-//! Second order, symmetric and symplectic; conserves linear and angular momentum exactly. A-stable without numerical damping. Energy
-//! oscillates within bounds where steps resolve the fastest vibration, and only there: with longer ones the nonlinearity of undamped
-//! springs pumps energy into vibrations, the equations of a step have solutions far apart or none that Newton's method finds, and the
-//! run may end `not-converged`. Prescribed coordinates follow the chord of their motion over the step, which keeps the order at kinks.
+//! Second order, symmetric and symplectic; conserves linear and angular momentum exactly. A-stable without numerical damping: with steps that do not
+//! resolve the fastest vibration the nonlinearity of undamped springs pumps energy into vibrations, and the run may end `not-converged`. Prescribed
+//! coordinates follow the chord of their motion over the step, which keeps the order at kinks.
 
-use super::implicit::{ImplicitOptions, LinearSystem};
+use super::implicit::{ImplicitOptions, LinearSystem, constructors, of_linear_system};
 use super::newton::{Newton, NewtonOptions};
 use super::propagated_error::LeadingTerm;
 use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper, fits};
@@ -24,27 +23,7 @@ pub struct ImplicitMidpoint<'s> {
 }
 
 impl<'s> ImplicitMidpoint<'s> {
-    /// Prepares pattern, ordering and symbolic analysis once for all steps.
-    ///
-    /// # Errors
-    /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large; invalid options.
-    pub fn new(system: &'s System, state: &State, options: &ImplicitOptions, newton: NewtonOptions) -> Result<Self> {
-        Self::of(LinearSystem::new(system, state, options)?, state, newton)
-    }
-
-    /// As [`new`](Self::new), with your own linear solver; of `options.linear` only the tolerance and the interrupt apply.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn with_solver(
-        system: &'s System,
-        state: &State,
-        options: &ImplicitOptions,
-        newton: NewtonOptions,
-        solver: Box<dyn LinearSolver + 's>,
-    ) -> Result<Self> {
-        Self::of(LinearSystem::with_solver(system, state, options, solver)?, state, newton)
-    }
+    constructors!(newton: NewtonOptions);
 
     fn of(linear: LinearSystem<'s>, state: &State, newton: NewtonOptions) -> Result<Self> {
         Ok(Self { newton: Newton::new(linear, state, newton)?, next: state.clone() })
@@ -52,17 +31,7 @@ impl<'s> ImplicitMidpoint<'s> {
 }
 
 impl TimeStepper for ImplicitMidpoint<'_> {
-    fn name(&self) -> &'static str {
-        "implicit-midpoint"
-    }
-
-    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
-        Some(self.newton.linear.solver())
-    }
-
-    fn load_kinks(&self) -> &[f64] {
-        self.newton.linear.system.prescribed().load_kinks()
-    }
+    of_linear_system!("implicit-midpoint", newton.linear);
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         StepFailure::of_arguments(self.newton.linear.system, state, dt)?;
@@ -97,9 +66,5 @@ impl TimeStepper for ImplicitMidpoint<'_> {
         self.newton.resolve(0.5 * step.length, error);
         error.add_kept(-1.0);
         true
-    }
-
-    fn statistics(&self) -> &Statistics {
-        &self.newton.linear.statistics
     }
 }

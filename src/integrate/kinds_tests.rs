@@ -1,17 +1,10 @@
-//! Loads, drag, springs of other kinds, spring laws, and external forces with derivatives: forces against energies and matrices, and motions
-//! of several methods against exact ones and each other.
+//! Springs without a rest length, spring laws, and external forces with derivatives: forces against matrices, and motions of several methods against
+//! exact ones and each other.
 
-use super::{
-    Bdf2, Dop853, ImplicitOptions, LinearBackwardEuler, Method, Monitor, MonitorOptions, Rodas4, StepMatrices,
-    TimeStepper, Verlet, WMethod,
-};
-use crate::force::{Energy, Reactions, SpringGeometry, add_force_rate, set_total_force};
-use crate::operator::{Combination, LinearOperator, SystemOperator};
+use super::{ImplicitOptions, LinearBackwardEuler, Method, Monitor, MonitorOptions, StepMatrices, TimeStepper, Verlet};
+use crate::force::{Energy, Reactions, set_total_force};
 use crate::spring::{LawValue, Spring, SpringLaw, Stiffness, Tension};
-use crate::system::{
-    Actuation, Axes, Behaviour, Constraint, Curve, Derivatives, ExternalForce, Loads, Motion, State, StateView, System,
-    SystemBuilder,
-};
+use crate::system::{Axes, Constraint, Derivatives, ExternalForce, Motion, State, StateView, System, SystemBuilder};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -45,52 +38,26 @@ impl ExternalForce for Floor {
     }
 }
 
-/// The same without its derivatives.
-#[derive(Debug)]
-struct Plain(Floor);
-
-impl ExternalForce for Plain {
-    fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
-        self.0.add(at, force);
-    }
-}
-
-/// One spring of each kind between five particles in general position: ordinary, without a rest length, tension-only without and with tension,
-/// and one whose rest length changes from once to twice its length. The first particle is below the floor.
-fn every_kind() -> (System, State) {
+/// A patch of 4 × 4 particles that falls on a stiff floor.
+fn falling() -> (System, State) {
     let mut builder = SystemBuilder::new();
-    builder.gravity(0.5, -9.0, 0.1);
-    for [x, y, z] in [[0.0, -0.2, 0.0], [1.1, 0.3, 0.2], [2.0, 0.0, -0.3], [2.6, 1.0, 0.1], [3.9, 0.7, 0.6]] {
-        builder.particle([x, y, z], 1.0 + x);
+    builder.gravity(0.0, -9.81, 0.0);
+    for i in 0..4 {
+        for j in 0..4 {
+            builder.particle([0.1 * f64::from(i), 0.05 + 0.01 * f64::from(i), 0.1 * f64::from(j)], 0.01);
+        }
     }
-    for ((i, j), (rest_length, damping)) in [(0, 1), (1, 2), (2, 3), (3, 4), (4, 0)].into_iter().zip([
-        (1.0, 0.3),
-        (0.0, 0.2),
-        (5.0, 0.4),
-        (0.5, 0.1),
-        (2.0, 0.0),
-    ]) {
-        builder.spring(i, j, Spring { stiffness: 40.0 + 7.0 * i as f64, rest_length, damping });
+    let spring = Spring { stiffness: 5.0, rest_length: 0.1, damping: 0.01 };
+    for p in 0..16 {
+        if p % 4 < 3 {
+            builder.spring(p, p + 1, spring);
+        }
+        if p < 12 {
+            builder.spring(p, p + 4, spring);
+        }
     }
-    let (system, mut state) = builder.build().unwrap();
-    let tension_only = vec![false, false, true, true, false];
-    let factors = Curve { times: vec![0.0, 1.0], values: vec![1.0, 2.0] };
-    let system =
-        system.with_behaviour(Behaviour { tension_only, actuation: vec![Actuation { springs: vec![4], factors }] });
-    let gravity =
-        Curve { times: vec![-1.0, 3.0], values: vec![Vector3::new(0.0, -9.0, 0.0), Vector3::new(4.0, 0.0, 2.0)] };
-    let loads = Loads {
-        forces: (0..5).map(|p| Vector3::new(p as f64, 1.0, -2.0)).collect(),
-        drag: vec![0.1, 0.0, 0.7, 0.2, 0.5],
-        gravity: Some(gravity),
-    };
-    let floor = Floor { height: 0.1, stiffness: 300.0, damping: 2.0 };
-    let system = system.unwrap().with_loads(loads).unwrap().with_external_force(floor);
-    state.time = 0.3;
-    for (p, v) in state.velocities.iter_mut().enumerate() {
-        *v = Vector3::new(0.3 * p as f64, 0.2 - 0.1 * p as f64, 0.1 * (p * p) as f64);
-    }
-    (system, state)
+    let (system, start) = builder.build().unwrap();
+    (system.with_external_force(Floor { height: 0.0, stiffness: 2e3, damping: 2.0 }), start)
 }
 
 fn force(system: &System, state: &State) -> Vec<f64> {
@@ -122,64 +89,22 @@ fn nearly(a: &DMatrix<f64>, b: &DMatrix<f64>) -> bool {
     (a - b).amax() < 1e-5 * (1.0 + b.amax())
 }
 
-/// K and G are the derivatives of the forces, and their assembled and matrix-free forms agree. K is compared at rest, as it lacks the
-/// derivative of damping forces of springs that turn.
+/// K and G are the derivatives of the forces. K is compared at rest, as it lacks the derivative of damping forces of springs that turn.
 #[test]
 fn matrices_are_derivatives_of_forces() {
-    let (system, state) = every_kind();
+    let (system, mut state) = falling();
+    for (p, (x, v)) in state.positions.iter_mut().zip(&mut state.velocities).enumerate() {
+        x.y -= 0.065;
+        *v = Vector3::new(0.3, 0.2 - 0.1 * p as f64, 0.1 * (p * p) as f64);
+    }
     let matrices = StepMatrices::assemble(&system, &state, Stiffness::Full, 0.1).unwrap();
-    let [k, g, a] = [&matrices.k, &matrices.g, &matrices.a].map(|matrix| DMatrix::from(&matrix.to_csc()));
+    let [k, g] = [&matrices.k, &matrices.g].map(|matrix| DMatrix::from(&matrix.to_csc()));
     let by_velocity = differences(&system, &state, |state, at| &mut state.velocities[at / 3][at % 3]);
     assert!(nearly(&g, &by_velocity), "{}", g - by_velocity);
     let mut still = state.clone();
     still.velocities.fill(Vector3::zeros());
     let by_position = differences(&system, &still, |state, at| &mut state.positions[at / 3][at % 3]);
     assert!(nearly(&k, &by_position), "{}", k - by_position);
-    let extensions = SpringGeometry::at(&system, &state).unwrap();
-    let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
-    let w: Vec<f64> = (0..15).map(|row| (row as f64 * 1.7).sin()).collect();
-    let mut y = vec![0.0; 15];
-    operator.apply(&w, &mut y);
-    let quadratic = crate::operator::dot(&w, &y);
-    let expected = &a * nalgebra::DVector::from_column_slice(&w);
-    assert!(y.iter().zip(&expected).all(|(y, e)| (y - e).abs() < 1e-10 * expected.amax()));
-    assert!((quadratic - expected.dot(&nalgebra::DVector::from_column_slice(&w))).abs() < 1e-9 * quadratic.abs());
-    // The options keep what is positive: springs without a rest length, drag and the floor.
-    for option in [Stiffness::Tension, Stiffness::Axial] {
-        let k = DMatrix::from(&StepMatrices::assemble(&system, &state, option, 0.1).unwrap().k.to_csc());
-        assert!(k.clone().symmetric_eigenvalues().max() < 1e-9 * k.amax());
-        let between = k.view((3, 6), (3, 3)).into_owned();
-        assert!((between - DMatrix::identity(3, 3) * 47.0).amax() < 1e-12);
-    }
-}
-
-/// Elastic forces are the gradient of the elastic energy; the rates of forces are their derivatives in time.
-#[test]
-fn energies_and_rates_are_those_of_the_forces() {
-    let (system, state) = every_kind();
-    let elastic = |state: &State| Energy::of(&system, state).elastic;
-    let extensions = SpringGeometry::at(&system, &state).unwrap();
-    let mut pull = vec![Vector3::zeros(); 5];
-    crate::force::add_elastic_force(&system, &extensions, &mut pull);
-    for (p, pull) in pull.iter().enumerate() {
-        for (axis, pull) in pull.iter().enumerate() {
-            let at = |step: f64| {
-                let mut moved = state.clone();
-                moved.positions[p][axis] += step;
-                elastic(&moved)
-            };
-            let slope = (at(STEP) - at(-STEP)) / (2.0 * STEP);
-            assert!((slope + pull).abs() < 1e-6 * (1.0 + slope.abs()), "{p} {axis}: {slope} {pull}");
-        }
-    }
-    let later = |step: f64| State { time: state.time + step, ..state.clone() };
-    let mut rate = vec![Vector3::zeros(); 5];
-    add_force_rate(&system, &extensions, &state.moment(), &mut rate);
-    let (above, below) = (force(&system, &later(STEP)), force(&system, &later(-STEP)));
-    for ((rate, above), below) in rate.iter().flatten().zip(above).zip(below) {
-        let slope = (above - below) / (2.0 * STEP);
-        assert!((rate - slope).abs() < 1e-5 * (1.0 + slope.abs()), "{rate} {slope}");
-    }
 }
 
 /// A particle on a spring without a rest length, 4 N/m and 1 kg, that starts where it is held at 1 m/s: x = sin(2t)/2, through zero after π/2.
@@ -192,119 +117,27 @@ fn springs_without_a_rest_length_pass_through_zero() {
     builder.spring(0, 1, Spring { stiffness: 4.0, rest_length: 0.0, damping: 0.0 });
     builder.hold(0);
     let (system, start) = builder.build().unwrap();
-    let options = ImplicitOptions::default();
-    let run = |stepper: &mut dyn TimeStepper, steps: u32| {
+    // Errors of about h, h² and h⁴ times some powers of ω = 2/s.
+    for (method, steps, most) in [
+        (Method::LinearBackwardEuler, 1000, 2e-2),
+        (Method::Bdf2, 1000, 1e-4),
+        (Method::W2, 1000, 1e-4),
+        (Method::Verlet, 1000, 1e-4),
+        (Method::Rodas4, 1000, 1e-10),
+        (Method::Dop853, 100, 1e-10),
+    ] {
         let mut state = start.clone();
-        let dt = 2.0 / f64::from(steps);
-        (0..steps).for_each(|_| stepper.step(&mut state, dt).unwrap());
-        (state.positions[1] - Vector3::new(0.6, 0.0, 0.8) * (0.5 * 4.0_f64.sin())).norm()
-    };
-    // First order, second order and fourth order with steps of 2 ms: errors of about h, h² and h⁴ times some powers of ω = 2/s.
-    assert!(run(&mut LinearBackwardEuler::new(&system, &start, &options).unwrap(), 1000) < 2e-2);
-    assert!(run(&mut Bdf2::new(&system, &start, &options).unwrap(), 1000) < 1e-4);
-    assert!(run(&mut WMethod::new(&system, &start, &options).unwrap(), 1000) < 1e-4);
-    assert!(run(&mut Verlet::new(&system, &start).unwrap(), 1000) < 1e-4);
-    assert!(run(&mut Rodas4::new(&system, &start, &options).unwrap(), 1000) < 1e-10);
-    assert!(run(&mut Dop853::new(&system, &start).unwrap(), 100) < 1e-10);
-}
-
-/// A step of linearised backward Euler takes drag as it is at its end: v' = v/(1 + c dt/m).
-#[test]
-fn drag_is_implicit() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 2.0);
-    builder.velocities[0] = Vector3::new(3.0, 0.0, 0.0);
-    let (system, start) = builder.build().unwrap();
-    let system = system.with_loads(Loads { drag: vec![8.0], ..Loads::default() }).unwrap();
-    let options = ImplicitOptions::default();
-    let mut state = start.clone();
-    LinearBackwardEuler::new(&system, &start, &options).unwrap().step(&mut state, 0.5).unwrap();
-    assert!((state.velocities[0].x - 1.0).abs() < 1e-14, "{}", state.velocities[0].x);
-    let mut state = start.clone();
-    let mut rodas = Rodas4::new(&system, &start, &options).unwrap();
-    (0..100).for_each(|_| rodas.step(&mut state, 0.01).unwrap());
-    // h⁵ (c/m)⁵ of each of 100 steps.
-    assert!((state.velocities[0].x - 3.0 * (-4.0_f64).exp()).abs() < 1e-7, "{}", state.velocities[0].x);
-    assert!((system.loads().dissipation(&[Vector3::new(0.0, 2.0, 0.0)]) - 32.0).abs() < 1e-12);
-}
-
-/// Gravity that changes from 0 to −6 m/s² within 1 s, and a load of 4 N on 2 kg: x = 2 t²/2 − t³ until then, exact for methods of order three
-/// and more as steps end at the kink.
-#[test]
-fn gravity_in_time_and_loads_accelerate() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 2.0);
-    let (system, start) = builder.build().unwrap();
-    let gravity = Curve { times: vec![0.0, 1.0], values: vec![Vector3::zeros(), Vector3::new(0.0, -6.0, 0.0)] };
-    let loads = Loads { forces: vec![Vector3::new(0.0, 4.0, 0.0)], drag: Vec::new(), gravity: Some(gravity) };
-    let system = system.with_loads(loads).unwrap();
-    assert_eq!(system.prescribed().next_kink(0.5), Some(1.0));
-    let mut state = start.clone();
-    let mut rodas = Rodas4::new(&system, &start, &ImplicitOptions::default()).unwrap();
-    (0..2).for_each(|_| rodas.step(&mut state, 0.7).unwrap());
-    // After 1 s at 0 m and −1 m/s, on which −4 m/s² act for 0.4 s.
-    assert!((state.positions[0].y - (-0.4 - 2.0 * 0.16)).abs() < 1e-12, "{}", state.positions[0].y);
-    assert_eq!(system.loads().potential(&[Vector3::new(9.0, 3.0, 0.0)]), -12.0);
-}
-
-/// The order of rodas4 holds where rest lengths and gravity change in time: with half the step a sixteenth of the error.
-#[test]
-fn the_order_holds_where_rest_lengths_change() {
-    let (system, start) = {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.2, 0.1, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 30.0, rest_length: 1.0, damping: 0.5 });
-        builder.hold(0);
-        let (system, state) = builder.build().unwrap();
-        let factors = Curve { times: vec![0.0, 1.0], values: vec![1.0, 1.6] };
-        let behaviour =
-            Behaviour { tension_only: Vec::new(), actuation: vec![Actuation { springs: vec![0], factors }] };
-        let gravity = Curve { times: vec![0.0, 1.0], values: vec![Vector3::zeros(), Vector3::new(1.0, -9.0, 0.0)] };
-        let loads = Loads { drag: vec![0.2; 2], gravity: Some(gravity), ..Loads::default() };
-        (system.with_behaviour(behaviour).unwrap().with_loads(loads).unwrap(), state)
-    };
-    let run = |stepper: &mut dyn TimeStepper, steps: u32| {
-        let mut state = start.clone();
-        (0..steps).for_each(|_| stepper.step(&mut state, 0.8 / f64::from(steps)).unwrap());
-        state.positions[1]
-    };
-    let exact = run(&mut Dop853::new(&system, &start).unwrap(), 400);
-    let errors = [20, 40].map(|steps| {
-        (run(&mut Rodas4::new(&system, &start, &ImplicitOptions::default()).unwrap(), steps) - exact).norm()
-    });
-    assert!(errors[0] / errors[1] > 11.0 && errors[1] < 1e-5, "{errors:?}");
-}
-
-/// A patch of 4 × 4 particles that falls on a stiff floor.
-fn falling() -> (SystemBuilder, Floor) {
-    let mut builder = SystemBuilder::new();
-    builder.gravity(0.0, -9.81, 0.0);
-    for i in 0..4 {
-        for j in 0..4 {
-            builder.particle([0.1 * f64::from(i), 0.05 + 0.01 * f64::from(i), 0.1 * f64::from(j)], 0.01);
-        }
+        let mut stepper = method.stepper(&system, &start, &ImplicitOptions::default()).unwrap();
+        (0..steps).for_each(|_| stepper.step(&mut state, 2.0 / f64::from(steps)).unwrap());
+        let error = (state.positions[1] - Vector3::new(0.6, 0.0, 0.8) * (0.5 * 4.0_f64.sin())).norm();
+        assert!(error < most, "{}: {error:e}", method.name());
     }
-    let spring = Spring { stiffness: 5.0, rest_length: 0.1, damping: 0.01 };
-    for p in 0..16 {
-        if p % 4 < 3 {
-            builder.spring(p, p + 1, spring);
-        }
-        if p < 12 {
-            builder.spring(p, p + 4, spring);
-        }
-    }
-    (builder, Floor { height: 0.0, stiffness: 2e3, damping: 2.0 })
 }
 
-/// With its derivatives all methods agree on a stiff floor, with steps that are long against its own period of 14 ms; without them rodas4
-/// refuses it.
+/// With its derivatives all methods agree on a stiff floor, with steps that are long against its own period of 14 ms.
 #[test]
 fn a_stiff_floor_is_the_same_to_all_methods() {
-    let (builder, floor) = falling();
-    let (system, start) = builder.clone().build().unwrap();
-    let system = system.with_external_force(floor);
-    let options = ImplicitOptions::default();
+    let (system, start) = falling();
     let run = |stepper: &mut dyn TimeStepper, dt: f64| {
         let mut state = start.clone();
         (0..(0.25 / dt).round() as u32).for_each(|_| stepper.step(&mut state, dt).unwrap());
@@ -312,18 +145,12 @@ fn a_stiff_floor_is_the_same_to_all_methods() {
     };
     let exact = run(&mut Verlet::new(&system, &start).unwrap(), 1e-5);
     let error = |found: Vec<Vector3<f64>>| found.iter().zip(&exact).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
-    let dt = 1e-3;
-    let errors = [
-        error(run(&mut LinearBackwardEuler::new(&system, &start, &options).unwrap(), dt)),
-        error(run(&mut Bdf2::new(&system, &start, &options).unwrap(), dt)),
-        error(run(&mut WMethod::new(&system, &start, &options).unwrap(), dt)),
-        error(run(&mut Rodas4::new(&system, &start, &options).unwrap(), dt)),
-    ];
+    let errors = [Method::LinearBackwardEuler, Method::Bdf2, Method::W2, Method::Rodas4].map(|method| {
+        let mut stepper = method.stepper(&system, &start, &ImplicitOptions::default()).unwrap();
+        error(run(&mut *stepper, 1e-3))
+    });
     // The patch is 0.3 m wide. Contact begins within a step, where the floor's damping jumps, which costs every method an error of first order in it.
     assert!(errors.iter().all(|&error| error < 1e-2), "{errors:?}");
-    let (system, start) = builder.build().unwrap();
-    let plain = system.with_external_force(Plain(falling().1));
-    assert!(Rodas4::new(&plain, &start, &options).is_err());
 }
 
 /// A force with an indefinite derivative: `full` has all of it, `tension` the stable part.

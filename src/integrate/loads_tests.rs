@@ -105,19 +105,6 @@ fn forces_that_grow_from_rest_are_no_energy_from_nowhere() {
     }
 }
 
-/// The work of a muscle of a millisecond is the energy that it has at its length, 25 J; verlet keeps it, and the account says so.
-#[test]
-fn the_work_of_rest_lengths_is_that_of_the_motion() {
-    for length in [1e-3, 1.0] {
-        let scene = muscle([0.2, 0.2 + length]);
-        let (_, _, monitor) = monitored(&scene, Method::Dop853, [0.01, 3.0]);
-        let balance = monitor.balance();
-        let work = if length < 0.1 { 25.0 } else { 0.88043 };
-        assert!((balance.work - work).abs() < 1e-3 * work, "{balance:?}");
-        assert!(balance.imbalance.abs() < 1e-4 * work, "{balance:?}");
-    }
-}
-
 /// After kinks the error of methods that resolve linear forces is that of their positions, `c h³ j` of each ramp, and known.
 #[test]
 fn errors_are_known_after_kinks() {

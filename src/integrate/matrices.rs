@@ -11,20 +11,17 @@ use crate::system::{State, System};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// The matrices of a system at a state, over the free degrees of freedom ordered by particle, then axis. Patterns and slots are computed
-/// once, values by every [`update`](Self::update).
+/// The matrices of a system at a state, over the free degrees of freedom ordered by particle, then axis. Patterns are computed once, values by every
+/// [`update`](Self::update).
 ///
 /// # Examples
 /// ```
 /// use sprung::integrate::Matrices;
 /// use sprung::Stiffness;
 ///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
+/// # let mut builder = sprung::SystemBuilder::new();
+/// # [0.0, 1.0].map(|x| builder.particle([x, 0.0, 0.0], 1.0));
+/// # builder.hold(0).spring(0, 1, sprung::Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
 /// let (system, mut state) = builder.build()?;
 /// let mut matrices = Matrices::new(&system)?;
 /// matrices.update(&state, Stiffness::Full)?;

@@ -7,29 +7,7 @@ use super::{
 use crate::error::Result;
 use crate::system::{State, System};
 
-/// A method that advances the state.
-///
-/// # Examples
-/// ```
-/// use sprung::Method;
-/// use sprung::integrate::{ImplicitOptions, TimeStepper};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, start) = builder.build()?;
-/// for method in Method::ALL {
-///     let mut state = start.clone();
-///     let mut stepper = method.stepper(&system, &state, &ImplicitOptions::default())?;
-///     stepper.step(&mut state, 0.01)?;
-///     assert!(state.positions[1].x >= 1.0, "{}: the spring pushes", method.name());
-/// }
-/// assert_eq!(Method::Bdf2.order(), 2);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
+/// A method that advances the state; see [`run_monitored`](super::run_monitored) for an example.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Method {
@@ -184,8 +162,7 @@ impl Method {
     /// A stepper that starts from `state`, with default [`NewtonOptions`].
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large; with rodas4 external forces without
-    /// derivatives.
+    /// Coincident ends of a spring; a state of another system; a matrix that is too large; with rodas4 external forces without derivatives.
     pub fn stepper<'s>(
         self,
         system: &'s System,

@@ -90,8 +90,7 @@ pub trait TimeStepper {
     /// The reason why the step could not be done; the state is then unchanged.
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure>;
 
-    /// As [`step`](Self::step), with the energies of the springs, which a method that evaluates all springs at the end of the step
-    /// computes in the same pass.
+    /// As [`step`](Self::step), with the energies of the springs, which a method that evaluates all springs at its end computes in the same pass.
     ///
     /// # Errors
     /// As of `step`.
@@ -105,8 +104,7 @@ pub trait TimeStepper {
         &[]
     }
 
-    /// Discards what was remembered of earlier steps. To be called where the state or its rate has been changed by anything but steps: by hand,
-    /// or by a kink of a prescribed path.
+    /// Discards what was remembered of earlier steps: to be called where anything but a step has changed the state or its rate.
     fn restart(&mut self) {}
 
     /// Propagates the error of a run over the last step done or accepted, and adds the step's own: `e' = Φ e + δ`, see [`PropagatedError`].
@@ -125,8 +123,8 @@ pub trait TimeStepper {
 pub struct Statistics {
     /// Counters of work.
     pub work: Work,
-    /// The largest `‖b − A x‖/‖b‖` of all accepted solves, recomputed from the solutions. For nonlinear methods the
-    /// residual force of the equations over the forces that balance in it, after their last iteration.
+    /// The largest `‖b − A x‖/‖b‖` of all accepted solves, recomputed from the solutions; for nonlinear methods the residual force of the equations
+    /// over the forces that balance in it.
     pub max_relative_residual: f64,
     /// The largest relative residual that conjugate gradients were allowed to leave; zero where none ran.
     #[serde(default)]
@@ -158,7 +156,7 @@ impl Statistics {
     }
 }
 
-/// Refuses a state of another system, and a method that holds so many bytes for each spring and each particle where there is no room for them.
+/// Refuses a state of another system, and a method that holds so many bytes for each spring and particle where there is no room for them.
 fn check_room(system: &System, state: &State, bytes: [u64; 2]) -> Result<()> {
     state.check(system)?;
     ensure_room(system, bytes, "the state of the method")
@@ -178,30 +176,5 @@ fn fits(system: &System, error: &PropagatedError, step: &CompletedStep) -> bool 
 fn zero_prescribed(system: &System, vectors: &mut [Vector3<f64>]) {
     for (dof, ..) in system.prescribed().iter() {
         vectors[dof.particle][dof.axis] = 0.0;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Statistics;
-    use crate::work::Work;
-
-    /// Counters are added, and the larger of two maxima is kept.
-    #[test]
-    fn statistics_of_parts_are_added() {
-        let of = |number: u64| Statistics {
-            work: Work { solves: number, ..Work::default() },
-            max_relative_residual: 1e-3 * number as f64,
-            max_tolerance: 1e-2 * number as f64,
-            softened_solves: 2 * number,
-            dropped_terms: 3 * number,
-            rejected_steps: 4 * number,
-            indefinite_solves: 5 * number,
-        };
-        let (mut sum, mut other) = (of(3), of(4));
-        sum.add(&of(4));
-        other.add(&of(3));
-        assert_eq!(sum, Statistics { max_relative_residual: 4e-3, max_tolerance: 4e-2, ..of(7) });
-        assert_eq!(sum, other);
     }
 }

@@ -6,15 +6,10 @@
 //! r(δ) = M (δ/dt − v)/dt − f_el(x + δ) − f_d(x + δ, δ/dt) − g = 0.
 //! ```
 //!
-//! **Direction.** The Jacobian of r is `J = A − D` with `A = M/dt² − G/dt − K` at x + δ, the matrix of linearised backward Euler, and D the change
-//! of the damping force when springs turn, `−b ((nᵀw) P + n (P w)ᵀ)` with `P = (I − nnᵀ)/l`, `w = v_i − v_j` for each spring
-//! ([`Spring::damping_differential`](crate::Spring::damping_differential)). D is not symmetric and can be of either sign, so
-//! it stays out of the matrix; but it is small, of the order of the angle by which springs turn in a step. So `J Δ = −r` is
-//! solved by refinement, `A Δ₀ = −r`, `A Δ_{i+1} = D Δ_i`, `Δ = Σ Δ_i`, each a solve with the same matrix. The stiffness
-//! option keeps A positive definite; with `full` the convergence is quadratic, damped or not.
-//!
-//! **Accuracy.** `‖J Δ + r‖ ≤ η ‖r‖` with a [`Forcing`] term η that keeps the convergence quadratic. It is the tolerance of
-//! conjugate gradients (with the user's as its floor), and ends the refinement.
+//! **Direction.** The Jacobian of r is `J = A − D` with `A = M/dt² − G/dt − K` at x + δ, and D the change of the damping force when springs turn
+//! ([`Spring::damping_differential`](crate::Spring::damping_differential)), which is not symmetric but small. So `J Δ = −r` is solved by refinement,
+//! `A Δ₀ = −r`, `A Δ_{i+1} = D Δ_i`, `Δ = Σ Δ_i`, to `‖J Δ + r‖ ≤ η ‖r‖` with a [`Forcing`] term η, which is the tolerance of conjugate gradients
+//! too.
 //!
 //! **Globalisation.** Without damping r is the gradient of the incremental potential
 //!
@@ -22,13 +17,12 @@
 //! Φ(δ) = ½ (δ/dt − v)ᵀ M (δ/dt − v) + U(x + δ) − gᵀδ,
 //! ```
 //!
-//! to which the work of the damping forces along the line searched is added, `−∫ f_dᵀ dδ` by the trapezoidal rule. Their sum φ has the
-//! slope `φ' = rᵀΔ`, and a step s must bring the decrease `φ(s) ≤ φ(0) + c s φ'(0)` (Armijo). Near the solution φ is
-//! all rounding; then its slope must have fallen, `φ'(s) ≤ (1 − 2c)|φ'(0)|`, which for a quadratic φ says the same (the
-//! "approximate Wolfe" condition of Hager and Zhang, 2005). Without damping φ(0) is the largest Φ of the last ten iterations (Grippo, Lampariello and
-//! Lucidi, 1986), as in the search for an equilibrium: a long step that turns springs stretches them to second order, which the next
-//! step undoes. The work of damping belongs to one line, so that with damping φ falls in every iteration. The iteration starts from the predicted state, δ = dt v, and where it
-//! fails from there, again from rest, δ = 0.
+//! to which the work of the damping forces along the line searched is added, `−∫ f_dᵀ dδ` by the trapezoidal rule. Their sum φ has the slope
+//! `φ' = rᵀΔ`, and a step s must bring the decrease `φ(s) ≤ φ(0) + c s φ'(0)` (Armijo). Near the solution φ is all rounding; then its slope must have
+//! fallen, `φ'(s) ≤ (1 − 2c)|φ'(0)|`, which for a quadratic φ says the same (the "approximate Wolfe" condition of Hager and Zhang, 2005). Without
+//! damping φ(0) is the largest Φ of the last ten iterations (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986): a long step that turns
+//! springs stretches them to second order, which the next step undoes. The iteration starts from the predicted state, δ = dt v, and where it fails
+//! from there, again from rest, δ = 0.
 //!
 //! **The matrix** is that of the stiffness option as long as it serves, and otherwise one that does, see [`MatrixChoice`].
 
@@ -48,25 +42,6 @@ use control::{ForceBalance, MatrixChoice, NewtonMatrix, Point};
 use nalgebra::Vector3;
 
 /// The convergence criterion and iteration limit of Newton's method.
-///
-/// # Examples
-/// ```
-/// use sprung::integrate::{BackwardEuler, ImplicitOptions, NewtonOptions, TimeStepper};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// let newton = NewtonOptions { tolerance: 1e-12, ..NewtonOptions::default() };
-/// let mut stepper = BackwardEuler::new(&system, &state, &ImplicitOptions::default(), newton)?;
-/// stepper.step(&mut state, 0.01)?;
-/// let newton = NewtonOptions { tolerance: -1.0, ..newton };
-/// assert!(BackwardEuler::new(&system, &state, &ImplicitOptions::default(), newton).is_err());
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NewtonOptions {
     /// Converged at `‖r‖ ≤ tolerance·s`, s the norm of the magnitudes of the forces that balance in r (and never
@@ -94,9 +69,6 @@ impl Default for NewtonOptions {
         Self { tolerance: 1e-10, iteration_limit: 200 }
     }
 }
-
-/// Iterations whose largest Φ is to be undercut: the ten of Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986.
-const MEMORY: usize = 10;
 
 /// Digits of φ lost by rounding, relative to the magnitudes of its terms.
 const NOISE: f64 = 1e-13;
@@ -139,8 +111,7 @@ impl<'s> Newton<'s> {
         })
     }
 
-    /// Solves for the free entries of `displacement` over dt seconds from a state, starting from the predicted state and, where that
-    /// fails, from rest.
+    /// Solves for the free entries of `displacement` over dt seconds from a state.
     pub fn solve(&mut self, state: &State, dt: f64) -> Result<(), StepFailure> {
         let predicted = self.start(state, dt, 1.0);
         match predicted.and_then(|point| self.iterate(point, state, dt, self.linear.policy, false)) {
@@ -169,7 +140,7 @@ impl<'s> Newton<'s> {
         let mut choice = MatrixChoice::new(policy);
         let mut forcing = Forcing::new(self.linear.adaptive_tolerance.strictest());
         let mut iterations = 0;
-        let mut recent = [f64::NEG_INFINITY; MEMORY];
+        let mut recent = [f64::NEG_INFINITY; 10];
         loop {
             let Self { linear, trial, term, .. } = self;
             let balance = ForceBalance::new(linear.system, &linear.extensions, [state, trial], dt, term);
@@ -193,7 +164,7 @@ impl<'s> Newton<'s> {
             if point.slope >= 0.0 {
                 return failed(NotSolved::Ascent);
             }
-            recent[iterations as usize % MEMORY] = point.potential;
+            recent[iterations as usize % recent.len()] = point.potential;
             let is_monotone = self.is_damped || ends_early;
             let highest =
                 if is_monotone { point.potential } else { recent.into_iter().fold(point.potential, f64::max) };
@@ -311,7 +282,6 @@ impl<'s> Newton<'s> {
         Ok(energy)
     }
 
-    /// Moves by a multiple of Δ.
     pub fn move_by(&mut self, step: f64) {
         for (d, direction) in self.displacement.iter_mut().zip(&self.direction) {
             *d += direction * step;
@@ -410,13 +380,11 @@ impl<'s> Newton<'s> {
     }
 }
 
-/// The inner product over all parts of a system.
 fn dot(system: &System, a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
     let [dot] = system.total([a.iter().zip(b).take(system.own_particles()).map(|(a, b)| a.dot(b)).sum()]);
     dot
 }
 
-/// The Euclidean norm over free coordinates.
 fn free_norm(system: &System, v: &[Vector3<f64>]) -> f64 {
     let dofs = system.dofs();
     let own = v.iter().enumerate().take(system.own_particles());

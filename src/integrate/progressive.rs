@@ -1,30 +1,17 @@
 //! Progressive projection: the transverse terms of compressed springs are dropped only where the residual is large.
 //!
-//! With r the residual of the equations to be solved, of a Newton iteration or of the start of a linearised step, and a threshold τ, the matrix is
-//!
-//! ```text
-//! tension      for the springs with max(‖r_i‖, ‖r_j‖) > τ,
-//! full         for all others.
-//! ```
-//!
-//! A large residual at a particle says that the exact quadratic model is not to be trusted there; where r is small the iteration has all but
-//! arrived, and a changed block would only spoil its convergence. Both forces of one spring act on both its ends, so the larger of two counts. The
-//! iteration begins with τ = ∞, nothing projected. A matrix that is refused as indefinite lowers τ, `τ ← ½ min(τ, max ‖r_p‖)`, until it is
-//! definite: with τ below every residual the matrix is that of `tension`, which always is. The next iteration begins with 2τ, as fewer terms may
-//! be enough, and has another r.
+//! With r the residual of the equations to be solved, of a Newton iteration or of the start of a linearised step, and a threshold τ, the matrix has
+//! `tension` for the springs with `max(‖r_i‖, ‖r_j‖) > τ` and `full` for all others: a large residual says that the exact quadratic model is not to
+//! be trusted there. The iteration begins with τ = ∞. A matrix that is refused as indefinite lowers τ, `τ ← ½ min(τ, max ‖r_p‖)`, until it is
+//! definite: with τ below every residual the matrix is that of `tension`, which always is. The next iteration begins with 2τ and has another r.
 //!
 //! Source: Fernández-Fernández, Löschner and Bender, "Progressively Projected Newton's Method", Computer Graphics Forum 45(2), 2026
-//! (arXiv 2505.21013), for elements of any energy; the halves and doubles are those of its authors. A spring's projection needs no eigenvalues: its
-//! only negative one is the transverse coefficient.
+//! (arXiv 2505.21013), for elements of any energy; the halves and doubles are theirs.
 
 use crate::force::SpringGeometry;
 use crate::spring::Stiffness;
 use crate::system::System;
 use nalgebra::Vector3;
-
-/// Factors of τ after a matrix that is refused, and after one that is accepted.
-const TIGHTEN: f64 = 0.5;
-const RELEASE: f64 = 2.0;
 
 /// The threshold τ, and the residual that it is compared with; allocated once for a system.
 #[derive(Debug, Clone)]
@@ -54,7 +41,7 @@ impl Projection {
 
     /// Begins an iteration with a residual r, full-length, and twice the last threshold.
     pub fn begin(&mut self, system: &System, r: &[Vector3<f64>]) {
-        self.threshold *= RELEASE;
+        self.threshold *= 2.0;
         for (p, (size, r)) in self.residuals.iter_mut().zip(r).enumerate() {
             let squares = system.dofs().free_axes(p).iter().map(|axis| r[axis] * r[axis]);
             size.x = squares.sum::<f64>().sqrt();
@@ -85,7 +72,7 @@ impl Projection {
         // Residuals below this part of the largest are rounding.
         let least = f64::EPSILON * self.largest;
         while self.threshold > least {
-            self.threshold = TIGHTEN * self.threshold.min(self.largest);
+            self.threshold = 0.5 * self.threshold.min(self.largest);
             let more = self.update(system, extensions);
             if more > dropped {
                 return more < compressed;

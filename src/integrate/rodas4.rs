@@ -1,5 +1,4 @@
-//! RODAS4, a stiffly accurate Rosenbrock method of fourth order, on the matrix of linearised backward Euler: one factorization and six
-//! solves a step.
+//! RODAS4, a stiffly accurate Rosenbrock method of fourth order, on the matrix of linearised backward Euler: one factorization and six solves a step.
 //!
 //! **The method** in Hairer and Wanner's transformed form, for `y' = F(y)`, its Jacobian J at the step's beginning and τ = γ h:
 //!
@@ -18,25 +17,25 @@
 //!
 //! the matrix of linearised backward Euler with dt → τ. D, from damped springs that turn, is not symmetric and stays out of the matrix. Two
 //! corrections of the defect, `A u = b`, then `A u' = b + D u`, leave `(A⁻¹ D)³ = O(h⁶)` of u_x, which is O(h) itself: O(h⁶) in u_v after the
-//! division by τ. One correction would leave O(h⁴) there, and cost an order. So a stage is one solve without damping and three with it.
+//! division by τ. One correction would cost an order. So a stage is one solve without damping and three with it.
 //!
-//! **Never regularized.** The order needs the exact J. Where A is not positive definite the step is refused as indefinite,
-//! whatever the stiffness option: with error control a shorter one is tried, and a step of fixed length is done in parts, at
-//! most 4⁵ of them. A mode that grows as e^(σt) makes A(γh) indefinite from σh = 4 on, where the method has a pole; at σh = 2 it
-//! grows by 2.6 % too much in a step, at 3 thirteen times. So parts are quarters.
+//! **Never regularized.** The order needs the exact J. Where A is not positive definite the step is refused as indefinite, whatever the stiffness
+//! option: with error control a shorter one is tried, and a step of fixed length is done in quarters, and these in quarters, at most 4⁵ parts. (A
+//! mode that grows as e^(σt) makes A(γh) indefinite from σh = 4 on, where the method has a pole; at σh = 2 it grows by 2.6 % too much, at 3 by a
+//! factor of 13.)
 //!
-//! **Local error.** u_6 is the error of a formula of third order; the method's own is a power of h higher. On a vibration of
-//! frequency ω, z = ωh, it is `|R(iz) − e^{iz}| = 0.15 z |u_6|`, within a third up to z = 2, and of the size of u_6 beyond. The
-//! vibration itself gives its frequency: `h ‖u_6v‖ = z ‖u_6x‖`. So the local error of a step is about `min(‖u_6x‖, 0.15 h ‖u_6v‖)`.
+//! **Local error.** u_6 is the error of a formula of third order; the method's own is a power of h higher. On a vibration of frequency ω, z = ωh, it
+//! is `|R(iz) − e^{iz}| = 0.15 z |u_6|`, within a third up to z = 2, and of the size of u_6 beyond. The vibration itself gives its frequency:
+//! `h ‖u_6v‖ = z ‖u_6x‖`. So the local error of a step is about `min(‖u_6x‖, 0.15 h ‖u_6v‖)`.
 //!
 //! **Kinematic particles** move at a constant velocity v_c between the kinks of their paths, where steps are cut. They are part of y with
 //! `u_v = 0` and `u_x = τ r_x`, the displacement of prescribed coordinates in the right-hand side and in the correction.
 //!
-//! Source: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.7, IV.10, and their code rodas.f (METH = 1), whose
-//! coefficients these are.
+//! Source: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.7, IV.10, and their code rodas.f (METH = 1), whose coefficients these
+//! are.
 
 use super::adaptive::norm_of_all;
-use super::implicit::{ImplicitOptions, LinearSystem};
+use super::implicit::{ImplicitOptions, LinearSystem, of_linear_system};
 use super::linear_tolerance::mass_norm;
 use super::substeps::{Substep, substeps};
 use super::{
@@ -50,13 +49,8 @@ use crate::operator::Combination;
 use crate::system::{Axes, State, System};
 use nalgebra::Vector3;
 
-/// Number of stages.
 const STAGES: usize = 6;
 
-/// Corrections for the forces of dampers that turn.
-const CORRECTIONS: usize = 2;
-
-/// A list of stages' coefficients.
 type Row = [f64; STAGES];
 
 /// γ: the matrix of a step of length h is that of backward Euler for γ h.
@@ -113,14 +107,11 @@ pub struct Rodas4<'s> {
     local_error: f64,
     /// The length of the last part of a step, in s, to which the matrix belongs.
     part: f64,
-    /// The last step's length, in s, and the [error of its stages](stage_error).
+    /// The last step's length, in s, and the error of its stages, in m √kg.
     last: Option<(f64, f64)>,
     /// The largest residual of the stages, in N.
     residual: f64,
 }
-
-/// The method's error over z times that of the embedded formula.
-const ERROR_RATIO: f64 = 0.15;
 
 /// The shortest part of a step of fixed length that is tried.
 const SHORTEST_PART: f64 = 1.0 / 1024.0;
@@ -182,7 +173,9 @@ impl<'s> Rodas4<'s> {
             if !self.linear.adaptive_tolerance.is_adaptive() {
                 return Ok(());
             }
-            let error = stage_error(self.linear.system, self.embedded(), h);
+            // In the norm of M a tenth of the local error: the new state has up to thirteen times the error of a stage.
+            let system = self.linear.system;
+            let error = 0.1 * local_error(|u| mass_norm(system, |p| u[p]), self.embedded(), h);
             self.last = Some((h, error));
             if self.linear.adaptive_tolerance.suffices(self.residual, inertia, error) {
                 break;
@@ -260,7 +253,7 @@ impl<'s> Rodas4<'s> {
         prescribe(system, tau, r, x);
         let mut solution = linear.solve(None, b, x)?;
         *residual = residual.max(linear.residual);
-        for _ in 0..if *is_damped { CORRECTIONS } else { 0 } {
+        for _ in 0..if *is_damped { 2 } else { 0 } {
             corrected.copy_from_slice(b);
             add_damping_differential(system, &linear.extensions, &base.velocities, x, corrected);
             prescribe(system, tau, r, x);
@@ -271,17 +264,16 @@ impl<'s> Rodas4<'s> {
         for ((v, x), r) in v.iter_mut().zip(&*x).zip(&*r) {
             *v = x / tau - r;
         }
-        // They are rounding.
         zero_prescribed(system, v);
         Ok(())
     }
 
-    /// Makes the last stage the error estimate of the step just computed, of h seconds, whose prescribed coordinates have none. Returns an estimate
-    /// of the error of the step's positions, in m: `min(‖u_6x‖, 0.15 h ‖u_6v‖)`.
+    /// Makes the last stage the error estimate of the step just computed, of h seconds, whose prescribed coordinates have none. Returns the local
+    /// error of the step's positions, in m.
     fn finish_estimate(&mut self, h: f64) -> f64 {
         let system = self.linear.system;
         zero_prescribed(system, &mut self.displacements[STAGES - 1]);
-        position_error(system, self.embedded(), h)
+        local_error(|u| norm_of_all(system, u), self.embedded(), h)
     }
 
     /// u_6, whose positions and velocities are the difference from the embedded formula.
@@ -346,18 +338,13 @@ fn prescribe(system: &System, tau: f64, r: &[Vector3<f64>], x: &mut [Vector3<f64
     }
 }
 
-/// `min(‖u_6x‖, 0.15 h ‖u_6v‖)`, in m.
-fn position_error(system: &System, [x, v]: [&[Vector3<f64>]; 2], h: f64) -> f64 {
-    norm_of_all(system, x).min(ERROR_RATIO * h * norm_of_all(system, v))
-}
-
-/// A tenth of the same in the norm of M, in m √kg: the new state has up to thirteen times the error of a stage.
-fn stage_error(system: &System, [x, v]: [&[Vector3<f64>]; 2], h: f64) -> f64 {
-    0.1 * mass_norm(system, |p| x[p]).min(ERROR_RATIO * h * mass_norm(system, |p| v[p]))
+/// `min(‖u_6x‖, 0.15 h ‖u_6v‖)` in a norm.
+fn local_error(norm: impl Fn(&[Vector3<f64>]) -> f64, [x, v]: [&[Vector3<f64>]; 2], h: f64) -> f64 {
+    norm(x).min(0.15 * h * norm(v))
 }
 
 /// The share of the kinetic energy K that a step of h seconds takes from springs that turn: `0.4 Σ U²/K_s / K` with `K_s = ½ μ v⊥²` across a spring,
-/// and `U = ½ κ L²`, `L = (h v⊥)²/(2 l)` of a step of straight motion. (The factor is fitted to a turning rod with U well below K_s.)
+/// and `U = ½ κ L²`, `L = (h v⊥)²/(2 l)` of straight motion. (Fitted to a turning rod with U well below K_s.)
 fn rotational_damping(system: &System, extensions: &SpringGeometry, velocities: &[Vector3<f64>], h: f64) -> f64 {
     let inverse = |p: usize| if system.dofs().free_axes(p) == Axes::NONE { 0.0 } else { 1.0 / system.masses()[p] };
     // A spring without a rest length is not stretched by turning.
@@ -375,17 +362,7 @@ fn rotational_damping(system: &System, extensions: &SpringGeometry, velocities: 
 }
 
 impl TimeStepper for Rodas4<'_> {
-    fn name(&self) -> &'static str {
-        "rodas4"
-    }
-
-    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
-        Some(self.linear.solver())
-    }
-
-    fn load_kinks(&self) -> &[f64] {
-        self.linear.system.prescribed().load_kinks()
-    }
+    of_linear_system!("rodas4", linear);
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         let system = self.linear.system;
@@ -399,8 +376,7 @@ impl TimeStepper for Rodas4<'_> {
         Ok(())
     }
 
-    /// With the matrix of τ = h/4, Φ is ((1 + z/4)/(1 − z/4))² = (2w − 1)²: two steps of the midpoint rule, which keep the amplitude of every
-    /// vibration. δ is the embedded estimate u_6, scaled to the local error.
+    /// With the matrix of τ = h/4, Φ is ((1 + z/4)/(1 − z/4))² = (2w − 1)²: two steps of the midpoint rule. δ is u_6, scaled to the local error.
     fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
         let Self { linear, b, corrected, displacements, velocities, part, local_error, .. } = self;
         if !fits(linear.system, error, step) {
@@ -420,10 +396,6 @@ impl TimeStepper for Rodas4<'_> {
         error.add_local();
         true
     }
-
-    fn statistics(&self) -> &Statistics {
-        &self.linear.statistics
-    }
 }
 
 impl AdaptiveStepper for Rodas4<'_> {
@@ -440,8 +412,6 @@ impl AdaptiveStepper for Rodas4<'_> {
         self.next.prescribe(self.linear.system);
         state.copy_from(&self.next);
     }
-
-    fn reject(&mut self) {}
 
     fn order(&self) -> u32 {
         4

@@ -1,5 +1,6 @@
 //! The run loop: step after step until the end, a failure, or a request to stop.
 
+use super::schedule::SAME;
 use super::{Monitor, Schedule, Status, StepFailure, TimeStepper, hermite};
 use crate::system::{State, System};
 use std::ops::ControlFlow;
@@ -34,8 +35,7 @@ impl Outcome {
         }
     }
 
-    /// A run that a step ended after `steps` good ones. Where energy was growing, growth is the cause, and the state becomes one
-    /// from before.
+    /// A run that a step ended after `steps` good ones. Where energy was growing, growth is the cause, and the state becomes one from before.
     pub(super) fn failed(
         step: u64,
         time: f64,
@@ -76,7 +76,7 @@ impl Sampler {
         mut see: impl FnMut(u64, &State) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
         // A sample within rounding of the end is the end.
-        let slack = 1e-9 * self.interval;
+        let slack = SAME * self.interval;
         loop {
             let time = self.start + (self.count + 1) as f64 * self.interval;
             if time > state.time || time > self.end - slack {
@@ -93,31 +93,7 @@ impl Sampler {
     }
 }
 
-/// Advances `state` along the schedule. After every step `observe` sees the number of steps done and the new state, and
-/// may ask to stop.
-///
-/// # Examples
-/// ```
-/// use sprung::Method;
-/// use sprung::integrate::{ImplicitOptions, Schedule, run};
-/// use std::ops::ControlFlow;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// let mut stepper = Method::Bdf2.stepper(&system, &state, &ImplicitOptions::default())?;
-/// let outcome = run(&mut *stepper, &mut state, &Schedule::duration(0.01, 1.0), |_, state| {
-///     // The observer may end the run.
-///     if state.positions[1].x < 2.5 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-/// });
-/// assert_eq!(outcome.status().name(), "interrupted");
-/// assert!(outcome.steps < 100 && state.positions[1].x >= 2.5);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
+/// Advances `state` along the schedule. After every step `observe` sees the number of steps done and the new state, and may ask to stop.
 pub fn run(
     stepper: &mut dyn TimeStepper,
     state: &mut State,
@@ -127,8 +103,8 @@ pub fn run(
     drive(stepper, state, schedule, None, |steps, state, _| observe(steps, state))
 }
 
-/// As [`run`], with a monitor that enters every step before `observe` sees it, and ends the run when energy appears from
-/// nowhere: the state is then one from before that.
+/// As [`run`], with a monitor that enters every step before `observe` sees it, and ends the run when energy appears from nowhere: the state is then
+/// one from before that.
 ///
 /// # Examples
 /// ```
@@ -136,12 +112,9 @@ pub fn run(
 /// use sprung::integrate::{ImplicitOptions, Monitor, MonitorOptions, Schedule, run_monitored};
 /// use std::ops::ControlFlow;
 ///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
+/// # let mut builder = sprung::SystemBuilder::new();
+/// # [0.0, 1.0].map(|x| builder.particle([x, 0.0, 0.0], 1.0));
+/// # builder.hold(0).spring(0, 1, sprung::Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
 /// let (system, mut state) = builder.build()?;
 /// let mut stepper = Method::Verlet.stepper(&system, &state, &ImplicitOptions::default())?;
 /// let mut monitor = Monitor::new(&system, &state, MonitorOptions::ENERGY)?;
@@ -191,12 +164,9 @@ struct Parts {
     rest: Option<(f64, f64)>,
 }
 
-/// The distance of a kink from an end of a step, relative to the step, up to which it is at that end.
-const AT_END: f64 = 1e-9;
-
 impl Parts {
     fn new(stepper: &(impl TimeStepper + ?Sized), start: f64, dt: f64, end: f64) -> Self {
-        let slack = AT_END * dt + 4.0 * f64::EPSILON * end.abs();
+        let slack = SAME * dt + 4.0 * f64::EPSILON * end.abs();
         let (kinks, mut last) = (stepper.load_kinks(), start);
         let from = kinks.partition_point(|&kink| kink <= start + slack);
         let to = kinks.partition_point(|&kink| kink < end - slack).max(from);

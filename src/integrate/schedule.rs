@@ -27,15 +27,15 @@ pub struct Schedule {
     last: u64,
 }
 
-/// The relative distance of `duration/dt` from a whole number up to which dt divides the duration.
-const DIVIDES: f64 = 1e-9;
+/// Times are the same up to this part of the step, or the run, at hand.
+pub(super) const SAME: f64 = 1e-9;
 
 /// The most steps of a run, 2⁵³: as many as a double counts one by one.
 const MOST_STEPS: f64 = 9_007_199_254_740_992.0;
 
 /// A time is the end of a run, given by its start and end, up to the rounding of times and of a step that divides it.
 pub(crate) fn is_end(time: f64, [start, end]: [f64; 2]) -> bool {
-    end - time <= DIVIDES * (end - start) + 4.0 * f64::EPSILON * end.abs()
+    end - time <= SAME * (end - start) + 4.0 * f64::EPSILON * end.abs()
 }
 
 impl Schedule {
@@ -44,13 +44,13 @@ impl Schedule {
         Self::whole(dt, steps, None, steps as f64 * dt)
     }
 
-    /// Ends exactly at `duration` ≥ 0: the last step is shorter where dt > 0 does not divide it. Arguments that
-    /// [`check`](Self::check) refuses make a schedule of very many steps, or of none.
+    /// Ends exactly at `duration` ≥ 0: the last step is shorter where dt > 0 does not divide it. Arguments that [`check`](Self::check) refuses make a
+    /// schedule of very many steps, or of none.
     pub fn duration(dt: f64, duration: f64) -> Self {
         let ratio = duration / dt;
         let nearest = ratio.round();
         // A run that is short beside dt is one short step, not none.
-        let divides = (ratio - nearest).abs() <= DIVIDES * nearest.max(1.0) && (nearest > 0.0 || ratio == 0.0);
+        let divides = (ratio - nearest).abs() <= SAME * nearest.max(1.0) && (nearest > 0.0 || ratio == 0.0);
         if divides || ratio.is_nan() || ratio >= MOST_STEPS {
             return Self::whole(dt, nearest as u64, None, duration);
         }
@@ -64,8 +64,7 @@ impl Schedule {
         Self { dt, whole_steps, remainder, duration, first: 0, last }
     }
 
-    /// The part of the same schedule that begins when `first` steps are done and ends with at most `count` more. Steps keep their
-    /// numbers and times.
+    /// The part of the same schedule that begins when `first` steps are done and ends with at most `count` more, with their numbers and times.
     pub fn part(&self, first: u64, count: u64) -> Self {
         Self { first, last: self.last.min(first.saturating_add(count)), ..*self }
     }
@@ -137,14 +136,14 @@ impl Schedule {
 
 #[cfg(test)]
 mod tests {
-    use super::{DIVIDES, Schedule, is_end};
+    use super::{SAME, Schedule, is_end};
 
     /// Within a part of the run and four units in the last place of its end.
     #[test]
     fn a_run_ends_up_to_rounding() {
         for (left, run, expected) in [
-            (0.5 * DIVIDES, [99.0, 100.0], true),
-            (2.0 * DIVIDES, [99.0, 100.0], false),
+            (0.5 * SAME, [99.0, 100.0], true),
+            (2.0 * SAME, [99.0, 100.0], false),
             (0.5, [1e15 - 1.0, 1e15], true),
             (-1.0, [99.0, 100.0], true),
             (1.0, [99.0, 100.0], false),

@@ -14,27 +14,15 @@ use crate::linear::{Definiteness, DefinitenessGuarantee, Evidence, SolveFailure}
 use crate::spring::Stiffness;
 
 /// The stiffness that enters the matrix of each solve.
-///
-/// # Examples
-/// ```
-/// use sprung::Stiffness;
-/// use sprung::integrate::StiffnessPolicy;
-///
-/// let policy = StiffnessPolicy::from(Stiffness::Axial);
-/// assert_eq!((policy.name(), StiffnessPolicy::OnDemand.name()), ("axial", "on-demand"));
-/// assert_eq!(StiffnessPolicy::Progressive.name(), "progressive");
-/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum StiffnessPolicy {
     /// The same option in every solve.
     Always(Stiffness),
-    /// `Full` while A is positive definite, as a factorization proves or negative curvature in conjugate gradients refutes. In solves where it is
-    /// not, a [`Regularization`](super::Regularization) drops few transverse terms. [`Bdf2`](super::Bdf2), whose result does not depend on
-    /// the matrix, takes the transverse terms of tensions that last.
+    /// `Full` while A is positive definite; in solves where it is not, a [`Regularization`](super::Regularization) drops few transverse terms.
+    /// [`Bdf2`](super::Bdf2), whose result does not depend on the matrix, takes the transverse terms of tensions that last.
     OnDemand,
-    /// `Full` while A is positive definite; otherwise `Tension` for the springs at particles with a large residual, as few of them as
-    /// make A positive definite when a threshold of residuals is halved. For Newton's method; a linearised step is its first iteration, and the
-    /// residual the right-hand side. Source: Fernández-Fernández, Löschner and Bender, Computer Graphics Forum 45(2), 2026.
+    /// `Full` while A is positive definite; otherwise `Tension` for the springs at particles with a large residual, see `progressive`. For Newton's
+    /// method; a linearised step is its first iteration. Source: Fernández-Fernández, Löschner and Bender, Computer Graphics Forum 45(2), 2026.
     Progressive,
 }
 
@@ -112,8 +100,7 @@ impl StiffnessState {
         Self { terms: Terms::Whole, ..Self::first(StiffnessPolicy::OnDemand) }
     }
 
-    /// The replacement for an indefinite matrix, where the policy has one: first without the few terms that suffice in exact
-    /// arithmetic, then without those of all compressed springs.
+    /// The replacement for an indefinite matrix, where the policy has one.
     pub fn softer(&self) -> Option<Self> {
         let terms = match (self.policy, self.terms) {
             (StiffnessPolicy::OnDemand, Terms::Of(Stiffness::Full)) => Terms::Regularized,

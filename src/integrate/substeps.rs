@@ -1,5 +1,4 @@
-//! Steps of a fixed length, cut at the kinks of prescribed paths: between kinks motions are smooth, and prescribed velocities
-//! constant.
+//! Steps of a fixed length, cut at the kinks of prescribed paths: between kinks motions are smooth, and prescribed velocities constant.
 
 use crate::system::Prescribed;
 

@@ -1,5 +1,5 @@
-//! The second-order W-method (ROS2-W, the stages of ode23s) on the matrix of linearised backward Euler: one factorization and two
-//! solves a step, whatever the stiffness option.
+//! The second-order W-method (ROS2-W, the stages of ode23s) on the matrix of linearised backward Euler: one factorization and two solves a step,
+//! whatever the stiffness option.
 //!
 //! **The method.** For `y' = F(y)` and any matrix J in place of `∂F/∂y`, with `W = I − τ J` and `τ = γ h`,
 //!
@@ -7,24 +7,23 @@
 //! W k = F(y),      W w = F(y + ½h k) − k,      y' = y + h (k + w).
 //! ```
 //!
-//! As `k = F(y) + O(h)` and `w = O(h)`, `w = F(y + ½h k) − k + τJ w` gives `k + w = F(midpoint) + O(h²)`: second order for every J, with
-//! dropped terms or of an earlier step. J decides about stability only. The stability function of the exact J is
-//! `(1 + (1 − 2γ)z + (½ − 2γ + γ²)z²)/(1 − γz)²`; the last coefficient vanishes for `γ = 1 − 1/√2`: A- and L-stable. Sources: the stages of
-//! Shampine and Reichelt's ode23s (1997); Steihaug and Wolfbrandt (1979) for methods that keep their order with any J.
+//! As `k = F(y) + O(h)` and `w = O(h)`, `k + w = F(midpoint) + O(h²)`: second order for every J, with dropped terms or of an earlier step. With the
+//! exact J the stability function is `(1 + (1 − 2γ)z + (½ − 2γ + γ²)z²)/(1 − γz)²`; its last coefficient vanishes for `γ = 1 − 1/√2`: A- and
+//! L-stable. Sources: the stages of Shampine and Reichelt's ode23s (1997); Steihaug and Wolfbrandt (1979) for methods that keep their order with any
+//! J.
 //!
 //! **On positions and velocities.** With `y = (x, v)`, `F = (v, M⁻¹f)` and J from K (under the option) and G, every stage is
 //! a system `W (u_x, u_v) = (r, M⁻¹s)`. Its first row says `u_v = (u_x − r)/τ`; put into the second,
 //!
 //! ```text
-//! A (τ u_x) = s + M r/τ − G r,      A = M/τ² − G/τ − K,
+//! A (τ u_x) = s + M r/τ − G r,      A = M/τ² − G/τ − K.
 //! ```
 //!
-//! the matrix of linearised backward Euler with dt → τ. Stage one has `r = v`, `s = f(x, v)`: it is a linearised backward Euler step of
-//! length τ. Stage two has `r = v_mid − k_x` and `s = f(x_mid, v_mid) − M k_v`.
+//! Stage one has `r = v`, `s = f(x, v)`: it is a linearised backward Euler step of length τ. Stage two has `r = v_mid − k_x` and
+//! `s = f(x_mid, v_mid) − M k_v`.
 //!
 //! **Kinematic particles** move, for the time of one step, at the constant velocity `v̄_c = (x_c(t+h) − x_c(t))/h`. They are part of y with
-//! `k_x = v̄_c` and `k_v = w = 0`, and stage one gets `τ v̄_c` as the displacement of prescribed coordinates. A motion at piecewise constant
-//! velocity is met exactly; where a step passes a kink or a path is smooth, the chord is off by O(h²), which keeps the order at two.
+//! `k_x = v̄_c` and `k_v = w = 0`. Where a step passes a kink or a path is smooth, the chord is off by O(h²), which keeps the order at two.
 //!
 //! **Error estimate.** ode23s compares with a third-order formula. Eliminating its third stage leaves one more solve,
 //!
@@ -35,7 +34,7 @@
 //! which is O(h³) for every J, filtered by W⁻¹ where the system is stiff, and asymptotically the true local error with the exact J.
 
 use super::backward_euler::set_right_hand_side;
-use super::implicit::{ImplicitOptions, LinearSystem};
+use super::implicit::{ImplicitOptions, LinearSystem, constructors, of_linear_system};
 use super::propagated_error::LeadingTerm;
 use super::{
     AdaptiveStepper, CompletedStep, ErrorEstimate, PropagatedError, Statistics, StepFailure, StiffnessPolicy,
@@ -84,30 +83,11 @@ impl WMethod<'_> {
 }
 
 impl<'s> WMethod<'s> {
-    /// Prepares pattern, ordering and symbolic analysis once for all steps.
-    ///
-    /// # Errors
-    /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large.
-    pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
-        Ok(Self::of(state, LinearSystem::new(system, state, options)?))
-    }
+    constructors!();
 
-    /// As [`new`](Self::new), with your own linear solver; of `options.linear` only the tolerance and the interrupt apply.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn with_solver(
-        system: &'s System,
-        state: &State,
-        options: &ImplicitOptions,
-        solver: Box<dyn LinearSolver + 's>,
-    ) -> Result<Self> {
-        Ok(Self::of(state, LinearSystem::with_solver(system, state, options, solver)?))
-    }
-
-    fn of(state: &State, linear: LinearSystem<'s>) -> Self {
+    fn of(linear: LinearSystem<'s>, state: &State) -> Result<Self> {
         let zeros = || vec![Vector3::zeros(); linear.system.particles()];
-        Self {
+        Ok(Self {
             matrix: None,
             extensions: linear.extensions.clone(),
             velocities: zeros(),
@@ -120,7 +100,7 @@ impl<'s> WMethod<'s> {
             s: zeros(),
             forces: zeros(),
             linear,
-        }
+        })
     }
 
     /// Prepares A at the state's positions for steps of length h.
@@ -220,8 +200,7 @@ fn set_force(
     Ok(())
 }
 
-/// The first row of `W (u_x, u_v) = (r, M⁻¹s)`: solves `A (τ u_x) = s + M r/τ − G r`. On entry u holds τ u_x of prescribed
-/// coordinates, on return u_x of all; s is used up.
+/// Solves `A (τ u_x) = s + M r/τ − G r`. On entry u holds τ u_x of prescribed coordinates, on return u_x of all; s is used up.
 fn solve_stage(
     linear: &mut LinearSystem,
     tau: f64,
@@ -243,17 +222,7 @@ fn solve_stage(
 }
 
 impl TimeStepper for WMethod<'_> {
-    fn name(&self) -> &'static str {
-        "w2"
-    }
-
-    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
-        Some(self.linear.solver())
-    }
-
-    fn load_kinks(&self) -> &[f64] {
-        self.linear.system.prescribed().load_kinks()
-    }
+    of_linear_system!("w2", linear);
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         StepFailure::of_arguments(self.linear.system, state, dt)?;
@@ -268,9 +237,8 @@ impl TimeStepper for WMethod<'_> {
         let gamma = Self::GAMMA;
         let c = (1.0 - 2.0 * gamma) / gamma;
         let term = LeadingTerm::second_order(3.0 * gamma * gamma - 2.0 * gamma * gamma * gamma - 1.0 / 6.0);
-        // A spring that turns by θ in a step ends longer by L = l θ²/2. The stages have its direction from the step's start, and only the
-        // second one sees L, a quarter of it: on a stiff spring every step ends too long by cL, c = 1 − 1/(4γ) (the method is L-stable, so the
-        // linear part of the extension goes). The tension of that takes c κ L² from the motion.
+        // A spring that turns by θ in a step ends longer by L = l θ²/2, of which the second stage alone sees a quarter: on a stiff spring every step
+        // ends too long by cL, c = 1 − 1/(4γ), and the tension of that takes c κ L² from the motion.
         let braking = 1.0 - 0.25 / gamma;
         let Self { linear, first, s, .. } = self;
         if !fits(linear.system, error, step) {
@@ -289,15 +257,10 @@ impl TimeStepper for WMethod<'_> {
         error.add_kept(-c);
         true
     }
-
-    fn statistics(&self) -> &Statistics {
-        &self.linear.statistics
-    }
 }
 
 impl AdaptiveStepper for WMethod<'_> {
-    /// Up to six steps of one length share a matrix. Its age costs no order, but damping in time and stability: directions of springs
-    /// become outdated.
+    /// Up to six steps of one length share a matrix. Its age costs no order, but stability: directions of springs become outdated.
     fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
         StepFailure::of_arguments(self.linear.system, state, dt)?;
         match &mut self.matrix {
@@ -320,8 +283,7 @@ impl AdaptiveStepper for WMethod<'_> {
         2
     }
 
-    /// Fitted to random scenes that magnify errors up to a hundredfold, so that none ends twenty tolerances off. (Methods of higher order
-    /// stay far below their tolerance on ordinary scenes, this one does not.)
+    /// Fitted to random scenes that magnify errors up to a hundredfold, so that none ends twenty tolerances off.
     fn safety_factor(&self) -> f64 {
         3.0
     }

@@ -2,8 +2,7 @@
 
 use crate::accuracy::{Configuration, StepControl};
 
-/// The factor by which the second run's steps are finer, at least: the least for which its difference from the first tells the
-/// error of the first.
+/// The factor by which the second run's steps are finer, at least: the least for which its difference from the first tells the error of that.
 pub const FINER: f64 = 2.0;
 
 /// The tolerance below which the error estimates of steps are rounding, for double precision and methods of order eight.

@@ -5,9 +5,6 @@ use crate::force::{SpringGeometry, set_accelerations};
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
-/// X is at least this part of the largest so far: two particles that pass each other have no extent for a moment.
-const LEAST_EXTENT: f64 = 1e-2;
-
 /// X, V and the length of the run.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scales {
@@ -24,9 +21,9 @@ pub(super) struct Scales {
 }
 
 impl Scales {
-    /// At the start of a run by a method of order q whose estimate falls as h^(p + 1), with the number of force evaluations.
-    /// Undefined forces count as zero here; the first step fails.
-    pub fn at_start(system: &System, state: &State, options: &AdaptiveOptions, [q, p]: [u32; 2]) -> (Self, u64) {
+    /// At the start of a run by a method of order q whose estimate falls as h^(p + 1), by one force evaluation. Undefined forces count as zero here;
+    /// the first step fails.
+    pub fn at_start(system: &System, state: &State, options: &AdaptiveOptions, [q, p]: [u32; 2]) -> Self {
         let (rtol, duration) = (options.rtol, options.part_of.unwrap_or(options.duration));
         let power = f64::from(p + 1) / f64::from(q);
         let tolerance = rtol * (rtol / 0.5).min(1.0).powf(power - 1.0);
@@ -35,16 +32,14 @@ impl Scales {
         let gained = if spread > 0.0 { (a0 * duration).min((a0 * spread).sqrt()) } else { a0 * duration };
         // Where nothing moves nor is pulled the speed is not zero either.
         let speed = norm(&state.velocities).max(0.3 * gained).max(1e-3 * spread / duration);
-        (Self { tolerance, rtol, power, duration, speed, spread }, 1)
+        Self { tolerance, rtol, power, duration, speed, spread }
     }
 
-    /// After an accepted step.
     pub fn see(&mut self, state: &State) {
         self.speed = self.speed.max(norm(&state.velocities));
         self.spread = self.spread.max(spread(&state.positions));
     }
 
-    /// e of a step.
     pub fn error(&self, estimate: &ErrorEstimate, state: &State) -> f64 {
         let error = self.norm(estimate.positions, estimate.velocities, state);
         if error.is_nan() { f64::INFINITY } else { error }
@@ -60,8 +55,8 @@ impl Scales {
         part(norm(positions), length).hypot(part(norm(velocities), self.speed)) / self.tolerance * w.powf(self.power)
     }
 
-    /// The error of a step of h seconds that takes a share of the kinetic energy from the motion: when all steps of the run do,
-    /// velocities are lower by a quarter of the sum in the mean, and positions lag by that part of the path length TV.
+    /// The error of a step of h seconds that takes a share of the kinetic energy from the motion: when all steps of the run do, velocities are lower
+    /// by a quarter of the sum in the mean, and positions lag by that part of the path length TV.
     pub fn lag(&self, share: f64, h: f64, state: &State) -> f64 {
         if share == 0.0 {
             return 0.0;
@@ -73,12 +68,12 @@ impl Scales {
 
     /// X.
     fn length(&self, state: &State) -> f64 {
-        let length = spread(&state.positions).max(LEAST_EXTENT * self.spread);
+        let length = spread(&state.positions).max(1e-2 * self.spread);
         if length > 0.0 { length } else { self.speed * self.duration }
     }
 
-    /// A first step for a method whose estimate falls as h^(p + 1), after Hairer, Nørsett and Wanner (Solving Ordinary
-    /// Differential Equations I, II.4), with the number of force evaluations.
+    /// A first step for a method whose estimate falls as h^(p + 1), after Hairer, Nørsett and Wanner (Solving Ordinary Differential Equations I,
+    /// II.4), with the number of force evaluations.
     ///
     /// With `‖·‖` the norm of e and `y' = F(y)`: an Euler step of `h₀ = 0.01/(r ‖F‖)` seconds probes how fast F changes,
     /// `F' = ‖F(y + h₀ F) − F(y)‖/h₀`, and `h₁ = (0.01/max(‖F‖, F'))^{1/(p + 1)}` would leave an error of about a hundredth. The step
@@ -145,7 +140,7 @@ fn norm(vectors: &[Vector3<f64>]) -> f64 {
 mod tests {
     use super::{Scales, joint, spread};
     use crate::integrate::{AdaptiveOptions, ErrorEstimate, OutputTimes};
-    use crate::system::{ExternalForce, State, StateView, System, SystemBuilder};
+    use crate::system::{State, System, SystemBuilder};
     use nalgebra::Vector3;
 
     /// Particles of 1 kg at these places on the first axis, under a gravity along it.
@@ -171,8 +166,7 @@ mod tests {
     fn errors_of_positions_and_velocities_are_relative_to_spread_and_speed() {
         let (system, mut state) = particles(&[1.0, 7.0], 0.0);
         state.velocities[1] = Vector3::new(3.0, 0.0, 4.0);
-        let (scales, forces) = Scales::at_start(&system, &state, &how(0.8), [1, 0]);
-        assert_eq!(forces, 1);
+        let scales = Scales::at_start(&system, &state, &how(0.8), [1, 0]);
         let (positions, velocities) = ([Vector3::new(3e-4, 0.0, 0.0), Vector3::zeros()], [Vector3::repeat(1e-4); 2]);
         let error = |x: &[Vector3<f64>], v: &[Vector3<f64>]| {
             scales.error(&ErrorEstimate { positions: x, velocities: v }, &state)
@@ -194,7 +188,7 @@ mod tests {
         let (system, mut state) = particles(&[1.0, 7.0], 0.0);
         state.velocities[1] = Vector3::new(3.0, 0.0, 4.0);
         let error = |duration: f64, orders: [u32; 2]| {
-            let (scales, _) = Scales::at_start(&system, &state, &how(duration), orders);
+            let scales = Scales::at_start(&system, &state, &how(duration), orders);
             let positions = [Vector3::new(3e-4, 0.0, 0.0), Vector3::zeros()];
             scales.error(&ErrorEstimate { positions: &positions, velocities: &[] }, &state)
         };
@@ -211,7 +205,7 @@ mod tests {
             }
         }
         let coarse = AdaptiveOptions { rtol: 0.5, ..how(1.0) };
-        assert!(close(Scales::at_start(&system, &state, &coarse, [2, 2]).0.tolerance, 0.5));
+        assert!(close(Scales::at_start(&system, &state, &coarse, [2, 2]).tolerance, 0.5));
     }
 
     /// Speeds: of the particles, of what they are about to get from their accelerations of 2 m/s² each within the run or within
@@ -221,14 +215,14 @@ mod tests {
         let speed = |velocity: f64, gravity: f64, duration: f64| {
             let (system, mut state) = particles(&[0.0, 2.0], gravity);
             state.velocities[0].y = velocity;
-            Scales::at_start(&system, &state, &how(duration), [1, 0]).0.speed
+            Scales::at_start(&system, &state, &how(duration), [1, 0]).speed
         };
         assert!(close(speed(7.0, 2.0, 5.0), 7.0));
         assert!(close(speed(0.0, 2.0, 0.1), 0.3 * 8f64.sqrt() * 0.1));
         assert!(close(speed(0.0, 2.0, 5.0), 0.6));
         assert!(close(speed(0.0, 0.0, 5.0), 1e-3 * 2f64.sqrt() / 5.0));
         let (system, mut state) = particles(&[0.0, 2.0], 0.0);
-        let (mut scales, _) = Scales::at_start(&system, &state, &how(1.0), [1, 0]);
+        let mut scales = Scales::at_start(&system, &state, &how(1.0), [1, 0]);
         for (speed, largest) in [(3.0, 3.0), (2.0, 3.0), (5.0, 5.0)] {
             state.velocities[1] = Vector3::new(0.0, speed, 0.0);
             scales.see(&state);
@@ -236,27 +230,23 @@ mod tests {
         }
     }
 
-    /// A single particle has no spread: its way counts.
-    #[test]
-    fn the_error_of_one_particle_is_relative_to_its_way() {
-        let (system, mut state) = particles(&[1e6], 0.0);
-        state.velocities[0].y = 4.0;
-        let (scales, _) = Scales::at_start(&system, &state, &how(2.0), [1, 0]);
-        let positions = [Vector3::new(3e-3, 0.0, 4e-3)];
-        let error = scales.error(&ErrorEstimate { positions: &positions, velocities: &[Vector3::zeros()] }, &state);
-        assert!(close(error, 5e-3 / (8.0 * 1e-3)), "{error}");
-    }
-
     /// Without motion and forces the whole run is tried.
     #[test]
     fn first_steps_exist_everywhere() {
         let (system, state) = particles(&[0.0, 1.0], 0.0);
-        let (scales, _) = Scales::at_start(&system, &state, &how(7.0), [1, 0]);
+        let scales = Scales::at_start(&system, &state, &how(7.0), [1, 0]);
         assert_eq!(scales.first_step(&system, &state, &how(7.0), 2), (7.0, 1));
         let (system, state) = particles(&[0.0, 1.0], 1e150);
-        let (scales, _) = Scales::at_start(&system, &state, &how(7.0), [1, 0]);
+        let scales = Scales::at_start(&system, &state, &how(7.0), [1, 0]);
         let (step, _) = scales.first_step(&system, &state, &how(7.0), 2);
         assert!(step > 0.0 && step <= 7.0, "{step}");
+        // From rest F is (0, a), and changes by (a, 0) in a second.
+        let (system, state) = particles(&[0.0, 2.0], 50.0);
+        let scales = Scales::at_start(&system, &state, &how(7.0), [1, 0]);
+        let (none, a) = ([Vector3::zeros(); 2], [Vector3::x() * 50.0; 2]);
+        let rate = scales.norm(&none, &a, &state).max(scales.norm(&a, &none, &state));
+        let (step, forces) = scales.first_step(&system, &state, &how(7.0), 1);
+        assert!(close(step, (0.01 / rate).sqrt()) && forces == 2, "{step}");
     }
 
     #[test]
@@ -273,48 +263,9 @@ mod tests {
     fn what_turning_springs_take_makes_the_motion_lag() {
         let (system, mut state) = particles(&[1.0, 7.0], 0.0);
         state.velocities[1] = Vector3::new(3.0, 0.0, 4.0);
-        let (scales, _) = Scales::at_start(&system, &state, &how(0.8), [1, 0]);
+        let scales = Scales::at_start(&system, &state, &how(0.8), [1, 0]);
         assert!(close(scales.lag(0.02, 0.1, &state), 0.25 * 0.02 * 8.0 * 4.0 / 18f64.sqrt() / 1e-3));
         assert_eq!((scales.lag(0.0, 0.1, &state), scales.lag(f64::NAN, 0.1, &state)), (0.0, f64::INFINITY));
-    }
-
-    /// Two newtons a second, a newton less a metre and three less for every metre a second, times a factor.
-    #[derive(Debug)]
-    struct Pull(f64);
-
-    impl ExternalForce for Pull {
-        fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
-            for ((f, x), v) in force.iter_mut().zip(at.positions).zip(at.velocities) {
-                f.y += self.0 * (2.0 * at.time - x.y - 3.0 * v.y);
-            }
-        }
-    }
-
-    /// A force linear in all that it depends on: of `F = (v, a)` the probe finds `(a, a')` with `m a' = 2 − v − 3a`, on particles of 4 kg.
-    #[test]
-    fn the_first_step_follows_forces_in_time_place_and_speed() {
-        let mut builder = SystemBuilder::new();
-        for x in [0.0, 2.0] {
-            builder.particle([x, 0.5, 0.0], 4.0);
-        }
-        let (system, mut state) = builder.build().unwrap();
-        let system = system.with_external_force(Pull(100.0));
-        state.time = 3.0;
-        state.velocities = vec![Vector3::new(0.0, 0.25, 0.0), Vector3::new(0.0, -1.5, 0.0)];
-        let how = how(5.0);
-        let (scales, _) = Scales::at_start(&system, &state, &how, [1, 0]);
-        let norm = |x: Vec<Vector3<f64>>, v: Vec<Vector3<f64>>| {
-            scales.error(&ErrorEstimate { positions: &x, velocities: &v }, &state)
-        };
-        let along = |of: &dyn Fn(f64) -> f64| -> Vec<Vector3<f64>> {
-            state.velocities.iter().map(|v| Vector3::new(0.0, of(v.y), 0.0)).collect()
-        };
-        let a = |v: f64| 25.0 * (6.0 - 0.5 - 3.0 * v);
-        let rate = norm(state.velocities.clone(), along(&a));
-        let change = norm(along(&a), along(&|v| 25.0 * (2.0 - v - 3.0 * a(v))));
-        assert!(change > 10.0 * rate);
-        let (step, forces) = scales.first_step(&system, &state, &how, 1);
-        assert!((step / (0.01 / change).sqrt() - 1.0).abs() < 1e-9 && forces == 2, "{step}");
     }
 
     /// A spread by rounding is none.

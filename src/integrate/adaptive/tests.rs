@@ -2,10 +2,10 @@ use super::{
     AdaptiveOptions, AdaptiveStepper, ErrorEstimate, OutputTimes, SHORTEST, Samples, doubt, hermite, run_adaptive,
     stiffness,
 };
-use crate::integrate::{Dop853, Statistics, StepFailure, TimeStepper};
+use crate::integrate::{Statistics, StepFailure, TimeStepper};
 use crate::linear::SolveFailure;
 use crate::spring::Spring;
-use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
+use crate::system::{State, System, SystemBuilder};
 use nalgebra::Vector3;
 use std::ops::ControlFlow;
 
@@ -71,10 +71,7 @@ fn samples_near_the_end_are_the_end() {
 pub(super) struct Still {
     errors: Vec<f64>,
     tried: Vec<f64>,
-    accepted: usize,
     rejected: usize,
-    /// The number of steps accepted at every restart.
-    restarts: Vec<usize>,
     order: u32,
     gains: bool,
     bounded: bool,
@@ -90,9 +87,7 @@ impl Still {
         Self {
             errors: errors.to_vec(),
             tried: Vec::new(),
-            accepted: 0,
             rejected: 0,
-            restarts: Vec::new(),
             order: 2,
             gains: true,
             bounded: false,
@@ -120,10 +115,6 @@ impl TimeStepper for Still {
         unreachable!("runs with error control try steps")
     }
 
-    fn restart(&mut self) {
-        self.restarts.push(self.accepted);
-    }
-
     fn statistics(&self) -> &Statistics {
         &self.statistics
     }
@@ -145,7 +136,6 @@ impl AdaptiveStepper for Still {
     }
 
     fn accept(&mut self, state: &mut State) {
-        self.accepted += 1;
         state.time += self.tried.last().unwrap();
     }
 
@@ -200,67 +190,6 @@ fn runs_end_where_no_step_is_short_enough() {
     assert_eq!(failure.failure, StepFailure::Tolerance);
 }
 
-/// A request to stop ends the run, unless that was at its end anyway.
-#[test]
-fn observers_may_end_runs() {
-    let (system, start) = particles(&[0.0, 1.0]);
-    let run = |until: u64| {
-        let (mut stepper, mut state) = (Still::new(&[0.0]), start.clone());
-        let observe = |count, _: &State| if count < until { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
-        let outcome = run_adaptive(&mut stepper, &system, &mut state, &how(1.0, 0.25), observe);
-        (outcome.steps, outcome.end.unwrap(), state.time)
-    };
-    // Steps of 0.25 s, then of 0.375 s: two halves of what is left.
-    assert_eq!(run(1), (1, ControlFlow::Break(()), 0.25));
-    assert_eq!(run(2), (2, ControlFlow::Break(()), 0.625));
-    assert_eq!(run(3), (3, ControlFlow::Continue(()), 1.0));
-    assert_eq!(run(9), (3, ControlFlow::Continue(()), 1.0));
-}
-
-/// Runs stop at every kink ahead, and start their method anew there and at the beginning.
-#[test]
-fn runs_stop_at_the_kinks_ahead_and_at_the_end() {
-    let mut builder = SystemBuilder::new();
-    for x in 0..2 {
-        builder.particle([f64::from(x), 0.0, 0.0], 1.0);
-    }
-    for (particle, times) in [(0, vec![0.0, 0.5, 1.0, 3.0]), (1, vec![0.25, 1.0, 1.5])] {
-        let offsets = vec![Vector3::zeros(); times.len()];
-        let motion = Motion::Path { times, offsets };
-        builder.constrain(Constraint { particles: vec![particle], axes: Axes::ALL, motion });
-    }
-    let (system, start) = builder.build().unwrap();
-    for (from, duration, expected) in [(0.0, 1.5, &[0.25, 0.5, 1.0, 1.5][..]), (0.5, 1.5, &[1.0, 1.5, 2.0])] {
-        let mut state = State { time: from, ..start.clone() };
-        let (mut stepper, mut times) = (Still::new(&[0.0]), Vec::new());
-        run_adaptive(&mut stepper, &system, &mut state, &how(duration, duration), |_, state| {
-            times.push(state.time);
-            ControlFlow::Continue(())
-        });
-        assert_eq!(times.iter().filter(|time| expected.contains(time)).count(), expected.len(), "{times:?}");
-        assert_eq!((times.last(), state.time), (expected.last(), from + duration));
-        let kinks = expected.iter().take(expected.len() - 1);
-        let restarts: Vec<usize> = kinks.map(|kink| times.iter().position(|time| time == kink).unwrap() + 1).collect();
-        assert_eq!(stepper.restarts, [vec![0], restarts].concat());
-    }
-}
-
-/// Without a first step the forces suggest one; the evaluations are counted.
-#[test]
-fn runs_find_their_first_step() {
-    let (system, mut start) = particles(&[0.0, 1.0]);
-    start.velocities[0].y = 1.0;
-    let run = |first_step: Option<f64>| {
-        let (mut stepper, mut state) = (Still::new(&[1e-4]), start.clone());
-        let how = AdaptiveOptions { first_step, ..how(1.0, 0.25) };
-        run_adaptive(&mut stepper, &system, &mut state, &how, |_, _| ControlFlow::Continue(()));
-        (stepper.tried[0], stepper.statistics.work.force_evaluations)
-    };
-    assert_eq!(run(Some(0.25)), (0.25, 1));
-    let (first, forces) = run(None);
-    assert!(first < 0.25 && forces == 3, "{first} {forces}");
-}
-
 /// A step that is interrupted ends the run where it is, and is not tried again.
 #[test]
 fn interrupted_steps_end_runs() {
@@ -297,22 +226,5 @@ fn samples_come_at_intervals_that_are_positive() {
     assert_eq!(how.sampled_every(0.5), Ok(AdaptiveOptions { sampling: OutputTimes::Every(0.5), ..how }));
     for interval in [0.0, -1.0, f64::INFINITY, f64::NAN] {
         assert!(how.sampled_every(interval).is_err(), "{interval}");
-    }
-}
-
-/// A lattice of springs that vibrate at many paces: after the first steps stability bounds the step. Without the rule for that every fifth is
-/// rejected.
-#[cfg(feature = "scene")]
-#[test]
-fn few_steps_are_rejected_where_stability_bounds_them() {
-    let scene = crate::scene::builtin(crate::scene::Kind::Lattice, 5).unwrap();
-    let (system, start) = scene.build().unwrap();
-    for rtol in [1e-4, 1e-6] {
-        let (mut stepper, mut state) = (Dop853::new(&system, &start).unwrap(), start.clone());
-        let how = AdaptiveOptions::new(scene.time.duration.unwrap(), rtol).unwrap();
-        let outcome = run_adaptive(&mut stepper, &system, &mut state, &how, |_, _| ControlFlow::Continue(()));
-        let rejected = stepper.statistics().rejected_steps;
-        assert_eq!(outcome.status().name(), "completed");
-        assert!(rejected * 15 < outcome.steps, "{rejected} of {}", outcome.steps);
     }
 }

@@ -1,40 +1,31 @@
 //! The last step, as long as it says something about the next one, and the local error of a step by differences of velocities.
 //!
-//! **A step has no past** that starts at a kink of a path, of gravity or of a rest length, or whose interior or whose last step's interior holds one: a force that
-//! follows the path has a jump in its rate there, a damping force one of its own. (A path with kinks in both steps is a curve given
-//! by points closer than steps resolve them, and does not count, unless the step is too long beside the last one.) Nor has a step a past that starts from a state where the last one did
-//! not end.
+//! **A step has no past** that starts at a kink of a path, of gravity or of a rest length, or whose interior or whose last step's interior holds one:
+//! velocities or the rates of forces jump there. (A path with kinks in both steps is a curve given by points closer than steps resolve them, and does
+//! not count, unless the step is too long beside the last one.) Nor has a step a past that starts from a state where the last one did not end.
 //!
-//! **Local error.** The derivative at t' of the parabola through the values of y at t₋, t, t' is off by `h (h + h₋) y'''/6`, and the formula
-//! takes it times τ for that of y. So its local error is
-//!
-//! ```text
-//! e = τ h (h + h₋) y'''/6.
-//! ```
-//!
-//! With the divided differences `v[t', t] = (v' − v)/h` and so on, `x''' ≈ 2 v[t', t, t₋]` and `v''' ≈ 6 v[t', t, t₋, t₋₋]`:
+//! **Local error.** The derivative at t' of the parabola through the values of y at t₋, t, t' is off by `h (h + h₋) y'''/6`, and the formula takes it
+//! times τ for that of y: `e = τ h (h + h₋) y'''/6`. With the divided differences `v[t', t] = (v' − v)/h` and so on,
 //!
 //! ```text
 //! e_x = ⅓ τ h (v[t', t] − v[t, t₋]),      e_v = τ h (h + h₋) v[t', t, t₋, t₋₋].
 //! ```
 //!
-//! A step without a past is one of backward Euler with the error `½ h² y''`: with the accelerations a = M⁻¹f at its start as
-//! the divided difference `v[t, t]` of a point that counts twice, in the differences of the next step too,
+//! A step without a past is one of backward Euler with the error `½ h² y''`: with the accelerations a = M⁻¹f at its start as the divided difference
+//! `v[t, t]` of a point that counts twice, in the differences of the next step too,
 //!
 //! ```text
 //! e_x = ½ h (v' − v),      e_v = h (v[t', t] − a).
 //! ```
 
 use super::duration;
+use crate::integrate::schedule::SAME;
 use crate::integrate::{ErrorEstimate, zero_prescribed};
 use crate::system::{Dof, State, System};
 use nalgebra::Vector3;
 
 /// The largest ratio of a step to the last one, safely below 1 + √2.
 pub(super) const MOST_GROWTH: f64 = 2.0;
-
-/// The distance to the end of a step, relative to the step, within which a kink is at the end.
-const AT_END: f64 = 1e-9;
 
 /// The last step.
 pub(super) struct History {
@@ -61,7 +52,7 @@ impl History {
 
     /// True if a kink separates the step of h seconds from time t from the last one.
     fn is_broken(&self, t: f64, last: f64, h: f64) -> bool {
-        let tolerance = AT_END * h.min(last);
+        let tolerance = SAME * h.min(last);
         // Whether there is one from a time on and before another.
         let between = |from: f64, to: f64| {
             let next = self.kinks.partition_point(|&kink| kink < from);
@@ -77,7 +68,7 @@ impl History {
     /// True if a state is the end of the last step. Its time may have been rounded otherwise, and prescribed coordinates with it.
     fn ends_at(&self, system: &System, state: &State, h: f64) -> bool {
         let after = &self.after;
-        let rounding = AT_END * h + 4.0 * f64::EPSILON * state.time.abs();
+        let rounding = SAME * h + 4.0 * f64::EPSILON * state.time.abs();
         let is_same = |dof: Dof| {
             let (p, axis) = (dof.particle, dof.axis);
             state.positions[p][axis] == after.positions[p][axis]
@@ -86,12 +77,10 @@ impl History {
         (state.time - after.time).abs() <= rounding && system.dofs().iter().all(is_same)
     }
 
-    /// Removes the past of the next step.
     pub fn clear(&mut self) {
         self.length = None;
     }
 
-    /// Records a step of h seconds between two states.
     pub fn record(&mut self, before: &State, after: &State, h: f64) {
         self.length = Some(h);
         self.before.copy_from(before);
@@ -119,12 +108,10 @@ impl Estimate {
         Self { span: None, slopes, is_first: false, accelerations, positions, velocities }
     }
 
-    /// True if the last step is known well enough for an estimate of the next.
     pub fn is_known(&self) -> bool {
         self.span.is_some()
     }
 
-    /// Before a step without an estimate.
     pub fn clear(&mut self) {
         (self.span, self.is_first) = (None, false);
     }
@@ -175,7 +162,6 @@ impl Estimate {
             self.positions[p] = change * (tau * h / 3.0);
             self.velocities[p] = third * (tau * h * (h + last));
         }
-        // They have no errors, and velocities that jump at the kinks of their paths.
         zero_prescribed(system, &mut self.positions);
         zero_prescribed(system, &mut self.velocities);
         ErrorEstimate { positions: &self.positions, velocities: &self.velocities }

@@ -7,23 +7,20 @@
 //! r'ᵀ D⁻¹ r' < dᵀ A d      and      −r'ᵀ d > −½ dᵀ A d.
 //! ```
 //!
-//! The second says that the incremental potential has fallen, see [`Newton`]. Where steps resolve the motion both hold by far: the quotient falls
-//! with the square of the step. Otherwise the iteration goes on as Newton's method with line search, with `tension` at each point, until
-//! a full step is enough in this sense. It does not converge further: the equations of a step that resolves nothing have solutions that no
-//! motion has. (A cloth swings down with steps of a 60th of a second to 6 % of its extent with one iteration a step, and to 130 % with
-//! equations solved to convergence.)
+//! The second says that the incremental potential has fallen, see [`Newton`]. Otherwise the iteration goes on as Newton's method with line search,
+//! with `tension` at each point, until a full step is enough in this sense. It does not converge further: the equations of a step that resolves
+//! nothing have solutions that no motion has.
 //!
 //! **The default transverse stiffness** is that of the tension that lasts. Without the transverse term T/l of a spring under the tension T the
-//! iteration converges like `τ² T/(l m)`: well where springs are slack or steps short, and not at all on a taut string with long steps. With
-//! the tension at the prediction y it converges badly where springs turn: one that turns by u across itself is stretched by u²/(2 l)
-//! at y, which the step takes away again. So the matrix has the tension of other origin,
+//! iteration does not converge on a taut string with long steps; with the tension at the prediction y it converges badly where springs turn, as one
+//! that turns by u across itself is stretched by u²/(2 l) at y, which the step takes away again. So the matrix has
 //!
 //! ```text
 //! T = min(T_y, T_last) − C (k/l0) u²/(2 l),      the transverse term T/l where T > 0, none elsewhere,
 //! ```
 //!
-//! with the tension T_y at y, and T_last of the last solve by its own, linear account, `k (l/l0 − 1 + nᵀ(d_i − d_j)/l0)`, which has no stretches
-//! of second order; without a past it is the tension at the step's start. With T ≥ 0 the matrix is positive definite.
+//! with the tension T_y at y, and T_last of the last solve by its own, linear account, `k (l/l0 − 1 + nᵀ(d_i − d_j)/l0)`; without a past it is the
+//! tension at the step's start. With T ≥ 0 the matrix is positive definite.
 
 use crate::force::SpringGeometry;
 use crate::integrate::linear_tolerance::mass_norm;
@@ -35,8 +32,7 @@ use crate::spring::{Extension, Spring};
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
-/// Solves for `next`, which is the prediction on entry, of velocities too, by a backward Euler step over τ seconds from `base`; the step itself
-/// starts at `state`.
+/// Solves for `next`, on entry the prediction, by a backward Euler step over τ seconds from `base`; the step itself starts at `state`.
 pub(super) fn solve(
     newton: &mut Newton,
     tensions: &mut Tensions,
@@ -96,8 +92,7 @@ fn prepare(
     })
 }
 
-/// C. For cloths that swing down with steps of 5 to 17 ms the error is the same for C from 4 to 50, and up to ten times larger for 0; on taut
-/// strings nothing turns.
+/// C. For cloths that swing down with steps of 5 to 17 ms the error is the same for C from 4 to 50, and up to ten times larger for 0.
 const TURNING: f64 = 8.0;
 
 /// T_last of every active spring, in N.
@@ -127,8 +122,7 @@ impl Tensions {
         }
     }
 
-    /// The transverse coefficient of the spring at a position among the active ones, in N/m, whose ends have moved relative to
-    /// each other by `moved`.
+    /// The transverse coefficient of the spring at a position among the active ones, in N/m, whose ends have moved relative to each other by `moved`.
     fn transverse(&self, position: usize, spring: &Spring, at: &Extension, moved: &Vector3<f64>) -> f64 {
         // Without a rest length all directions are alike.
         if spring.rest_length == 0.0 {

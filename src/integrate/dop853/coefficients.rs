@@ -3,7 +3,6 @@
 /// Number of stages: twelve of the formula, the rate at its end, and three more for the interpolant.
 pub(super) const STAGES: usize = 16;
 
-/// A list of stages' coefficients.
 pub(super) type Row = [f64; STAGES];
 
 /// The times of the stages, in steps.

@@ -1,10 +1,8 @@
 use super::coefficients::{A, C, E3, E5, Row, SQUARE, STAGES, chain, sum, weights};
 use super::{Dop853, END};
-use crate::integrate::fixtures::{OscillationAxis, Oscillator, pulled_with_kinks};
 use crate::integrate::{AdaptiveStepper, TimeStepper};
 use crate::spring::Spring;
 use crate::system::{State, System, SystemBuilder};
-use nalgebra::{Complex, Vector3};
 
 /// A rooted tree of Butcher's theory: its order, its density γ and its elementary weight of every stage.
 #[derive(Clone)]
@@ -158,32 +156,36 @@ fn samples_between_steps_are_of_eighth_order() {
     }
 }
 
+/// The end of a step of a new stepper.
+fn accepted(system: &System, start: &State, h: f64) -> State {
+    let (mut stepper, mut end) = (Dop853::new(system, start).unwrap(), start.clone());
+    stepper.try_step(start, h).unwrap();
+    stepper.accept(&mut end);
+    end
+}
+
 /// Beyond the stability limit, ωh = 8, samples are shorter steps: the interpolant would magnify the vibration.
 #[test]
 fn samples_of_unstable_steps_are_steps() {
     let (system, start, _) = oscillator();
     let mut stepper = Dop853::new(&system, &start).unwrap();
-    let [mut after, mut sample, mut expected] = [0; 3].map(|_| start.clone());
+    let [mut after, mut sample] = [start.clone(), start.clone()];
     stepper.try_step(&start, 1.6).unwrap();
     stepper.accept(&mut after);
     for time in [0.4, 0.8] {
         stepper.interpolate(&start, &after, time, &mut sample);
-        let mut other = Dop853::new(&system, &start).unwrap();
-        other.try_step(&start, time).unwrap();
-        other.accept(&mut expected);
+        let expected = accepted(&system, &start, time);
         assert_eq!((sample.positions[1], sample.velocities[1]), (expected.positions[1], expected.velocities[1]));
     }
     assert_eq!(stepper.statistics().work.force_evaluations, 12 + 4 + 2 * 11);
 }
 
-/// Accelerations at the start of a step are reused after rejections and, where the interpolant has them, from the last
-/// step, but not after a restart.
+/// Accelerations at the start of a step are reused after rejections and, where the interpolant has them, from the last step, but not after a restart.
 #[test]
 fn evaluations_are_not_repeated() {
     let (system, start, _) = oscillator();
     let mut stepper = Dop853::new(&system, &start).unwrap();
-    let mut state = start.clone();
-    let mut sample = start.clone();
+    let [mut state, mut sample] = [start.clone(), start.clone()];
     let mut counted = 0;
     let mut count = |stepper: &Dop853, expected: u64| {
         let forces = stepper.statistics().work.force_evaluations;
@@ -206,108 +208,13 @@ fn evaluations_are_not_repeated() {
     stepper.try_step(&state, 0.05).unwrap();
     count(&stepper, 11);
     stepper.accept(&mut kept);
-    // The same as by a new stepper.
-    let mut afresh = state.clone();
-    let mut other = Dop853::new(&system, &state).unwrap();
-    other.try_step(&state, 0.05).unwrap();
-    other.accept(&mut afresh);
+    let afresh = accepted(&system, &state, 0.05);
     assert!((afresh.positions[1] - kept.positions[1]).norm() < 1e-15, "{afresh:?} {kept:?}");
     stepper.interpolate(&state, &kept, state.time + 0.01, &mut sample);
     count(&stepper, 4);
     stepper.restart();
     stepper.try_step(&kept, 0.05).unwrap();
     count(&stepper, 12);
-}
-
-/// Fixed steps are cut at kinks, with the same result as steps that end there.
-#[test]
-fn steps_are_cut_at_kinks() {
-    let (system, start) = pulled_with_kinks();
-    let run = |steps: &[f64]| {
-        let mut state = start.clone();
-        let mut stepper = Dop853::new(&system, &state).unwrap();
-        steps.iter().for_each(|&h| stepper.step(&mut state, h).unwrap());
-        assert_eq!(stepper.statistics().work.force_evaluations % 12, 0);
-        state
-    };
-    let (cut, whole) = (run(&[0.125, 0.25, 0.25, 0.25]), run(&[0.125; 7]));
-    assert_eq!(cut, whole);
-    assert_eq!(cut.positions[0], Vector3::new(0.25, 0.0, 0.0));
-}
-
-/// The new state of `y' = λ y`, `y = 1`, and both embedded differences, by the formula with numbers put in.
-fn scalar(lambda: Complex<f64>, h: f64) -> [Complex<f64>; 3] {
-    let sum =
-        |row: &Row, rates: &[Complex<f64>]| row.iter().zip(rates).map(|(c, k)| k * (*c * h)).sum::<Complex<f64>>();
-    let mut rates = Vec::new();
-    for row in A.iter().take(END) {
-        rates.push(lambda * (sum(row, &rates) + 1.0));
-    }
-    [sum(&A[END], &rates) + 1.0, sum(&E5, &rates), sum(&E3, &rates)]
-}
-
-/// A step of 0.6 s between two kinks: the new state, both estimates, and the local error.
-#[test]
-fn steps_and_estimates_are_those_of_the_formula() {
-    for (way, damping, tolerance) in [
-        (OscillationAxis::Along, 0.8, 1e-12),
-        (OscillationAxis::Along, 0.0, 1e-12),
-        (OscillationAxis::Across, 0.0, 1e-6),
-    ] {
-        let oscillator = Oscillator::new(way, damping, 1.25);
-        let Oscillator { system, start, lambda, .. } = &oscillator;
-        let (amplitude, h) = (oscillator.amplitude(start), 0.6);
-        let [next, fine, coarse] = scalar(*lambda, h);
-        let [fine, coarse] = [fine, coarse].map(|e| oscillator.motion(amplitude * e));
-        let near = |a: f64, b: f64| (a - b).abs() <= tolerance * amplitude.norm();
-        let axis = usize::from(way == OscillationAxis::Across);
-        let mut state = start.clone();
-        state.velocities[0].x = 99.0;
-        let mut stepper = Dop853::new(system, &state).unwrap();
-        let estimate = stepper.try_step(&state, h).unwrap();
-        let found = [estimate.positions, estimate.velocities].map(|list| (list[0], list[1][axis]));
-        let estimate = stepper.coarser_estimate().unwrap();
-        let coarser = [estimate.positions, estimate.velocities].map(|list| (list[0], list[1][axis]));
-        for (found, expected) in [(found, fine), (coarser, coarse)] {
-            for ((led, found), expected) in found.into_iter().zip(expected) {
-                assert!(near(found, expected) && led == Vector3::zeros(), "{way:?} {damping}: {found} {expected}");
-            }
-        }
-        let [both, both_coarse] = [fine, coarse].map(|[x, v]| x.hypot(h * v));
-        let pace = (both / (0.0033 * both_coarse)).sqrt().min(3.0);
-        let wrong = 0.148 * pace * fine[0].abs() * both / both.hypot(0.1 * both_coarse);
-        let is_wrong = |found: Option<f64>| (found.unwrap() / wrong - 1.0).abs() < 1e-4;
-        let mut accepted = state.clone();
-        stepper.accept(&mut accepted);
-        assert!(
-            oscillator.is_at(&accepted, next, tolerance) && is_wrong(Some(stepper.local_error)),
-            "{way:?} {damping}"
-        );
-        // And as a step of fixed length.
-        let mut stepper = Dop853::new(system, &state).unwrap();
-        stepper.step(&mut state, h).unwrap();
-        assert!(oscillator.is_at(&state, next, tolerance), "{way:?} {damping}");
-        assert!(is_wrong(Some(stepper.local_error)), "{way:?} {damping}: {:?} {wrong}", stepper.local_error);
-    }
-}
-
-/// The errors of substeps add up: the path has a kink in the middle of the step.
-#[test]
-fn errors_of_substeps_add_up() {
-    let oscillator = Oscillator::new(OscillationAxis::Along, 0.8, 1.75);
-    let Oscillator { system, start, .. } = &oscillator;
-    let wrong = |steps: &[f64]| {
-        let mut state = start.clone();
-        let mut stepper = Dop853::new(system, &state).unwrap();
-        let mut sum = 0.0;
-        for &h in steps {
-            stepper.step(&mut state, h).unwrap();
-            sum += stepper.local_error;
-        }
-        sum
-    };
-    let (whole, cut) = (wrong(&[0.5]), wrong(&[0.25, 0.25]));
-    assert!(cut > 0.0 && (whole / cut - 1.0).abs() < 1e-9, "{whole} {cut}");
 }
 
 /// Where nothing moves there is no error.

@@ -4,11 +4,9 @@
 //! E(t) − E(0) = work of constraints, loads and rest lengths − dissipation of damping and drag + imbalance.
 //! ```
 //!
-//! Energies are those of the states and hold no error of their own; work and dissipation are integrals over the steps, right to
-//! fourth order where steps resolve the motion (see `force::spring_energies` and `work`). So the imbalance is the energy that the method adds
-//! (positive) or takes away (negative, its own dissipation), and the O(dt⁴) of the quadrature.
-//!
-//! A scene that nothing holds flies and falls as a whole, which no spring sees: the energy of its centre of mass is known apart.
+//! Energies are those of the states; work and dissipation are integrals over the steps, right to fourth order where steps resolve the motion (see
+//! `force::spring_energies` and `work`). So the imbalance is the energy that the method adds (positive) or takes away (negative), and the O(dt⁴) of
+//! the quadrature. A scene that nothing holds flies and falls as a whole, which no spring sees: the energy of its centre of mass is known apart.
 
 use super::work::BodyEnergy;
 use crate::force::{BLOCK, Energy, SpringSums};
@@ -20,13 +18,12 @@ use serde::{Deserialize, Serialize};
 /// The balance of a run's energy since its start, in J.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Balance {
-    /// Work done by moving constraints, by loads and other external forces except drag, and by rest lengths that change. Gravity that
-    /// changes in time is a load beyond its value at time zero.
+    /// Work done by moving constraints, by loads and other external forces except drag, and by rest lengths that change. Gravity that changes in time
+    /// is a load beyond its value at time zero.
     pub work: f64,
     /// Dissipated by damping and drag.
     pub dissipated: f64,
-    /// Final energy − initial energy − work + dissipated: energy from nowhere where positive, the method's own dissipation
-    /// where negative.
+    /// Final energy − initial energy − work + dissipated: energy from nowhere where positive, the method's own dissipation where negative.
     pub imbalance: f64,
 }
 
@@ -46,8 +43,7 @@ pub(super) struct EnergyBalance {
     certain: f64,
 }
 
-/// The part of the scene that exchanges energy: without the moving coordinates themselves, and without the centre of mass of a
-/// scene that nothing holds. In J.
+/// The part of the scene that exchanges energy, in J: without the moving coordinates themselves, and the centre of mass of a loose scene.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Free {
     pub kinetic: f64,

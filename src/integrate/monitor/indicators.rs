@@ -1,20 +1,14 @@
-//! The accuracy of a run by its own estimate, and warnings.
-//!
-//! The estimate is the [propagated error](crate::integrate::PropagatedError) over the extent of the scene. Energy from nowhere is
-//! an error that positions do not show.
+//! The accuracy of a run by its own estimate, and warnings. The estimate is the [propagated error](crate::integrate::PropagatedError) over the extent
+//! of the scene. Energy from nowhere is an error that positions do not show.
 
 use crate::error::significant;
 use serde::Serialize;
 
-/// The estimate above which a run of fixed steps warns. Nine in ten estimates are within ten times of the true error (study of
-/// random scenes, `verification/study.md`), and an error of 30 % must not go unnoticed: a fifteenth of that.
+/// The estimate above which a run of fixed steps warns. Nine in ten estimates are within ten times of the true error (`verification/study.md`), and
+/// an error of 30 % must not go unnoticed: a fifteenth of that.
 pub const INACCURATE: f64 = 0.02;
 
-/// The factor by which the motion magnifies the errors of its steps from which a warning says so. A choice.
-const MAGNIFIED: f64 = 10.0;
-
-/// The indicators of a run up to a state. Lengths are relative to the extent X of the scene at that state, `‖x − centroid‖` over
-/// all particles.
+/// The indicators of a run up to a state. Lengths are relative to the extent X of the scene at that state, `‖x − centroid‖` over all particles.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ErrorIndicators {
@@ -26,8 +20,7 @@ pub struct ErrorIndicators {
     pub local_errors: f64,
     /// The time, in s, until which the estimate was below the threshold; `None` where it still is.
     pub predictable_until: Option<f64>,
-    /// Energy that the motion exchanged, in J: kinetic energy at the start, potential energy released, and work; without the
-    /// centre of mass of a scene that nothing holds.
+    /// Energy that the motion exchanged, in J: kinetic at the start, potential released, and work; without the centre of mass of a loose scene.
     pub exchanged: f64,
     /// The largest energy that appeared from nowhere, in J, counted from the lowest imbalance before.
     pub gained: f64,
@@ -56,7 +49,7 @@ impl ErrorIndicators {
             if let Some(until) = predictable_until.filter(|&until| until > 0.0) {
                 text += &format!("; positions are predictable until about {} s", significant(until, 3));
             }
-            if local_errors > 0.0 && estimate >= MAGNIFIED * local_errors {
+            if local_errors > 0.0 && estimate >= 10.0 * local_errors {
                 let magnified = estimate / local_errors;
                 text += &format!("; the motion magnifies the errors of its steps {magnified:.0} times");
             }
@@ -72,8 +65,7 @@ impl ErrorIndicators {
     }
 }
 
-/// The estimate above which a run warns: [`INACCURATE`], or five times the tolerance of adaptive steps, which is about the error
-/// at the end.
+/// The estimate above which a run warns: [`INACCURATE`], or five times the tolerance of adaptive steps, which is about the error at the end.
 pub fn threshold(rtol: Option<f64>) -> f64 {
     rtol.map_or(INACCURATE, |rtol| 5.0 * rtol)
 }

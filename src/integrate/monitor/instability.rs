@@ -8,26 +8,19 @@
 //! S = K₀ + max(P₀ − P) + (max W − min W) + L  the energy that the motion has exchanged so far,
 //! ```
 //!
-//! with `L = h² Σ (f − f₀)²/(2m)`, the most that loads which have changed from f₀ to f give particles at rest in one of the steps: a
-//! method may take a short pulse at one end of a step, and the way at the other.
+//! with `L = h² Σ (f − f₀)²/(2m)`, the most that loads which have changed from f₀ to f give particles at rest in one of the steps.
 //!
-//! A method that dissipates takes I below zero, so growth is measured from the lowest I so far. It is never exactly zero:
-//! symplectic Euler lets the energy swing between `1/(1 + hω/2)` and `1/(1 − hω/2)` times its mean, by `hω/(1 − h²ω²/4)` of it:
-//! 0.3 at hω = 0.3, 1.3 at 1, 3.4 at 1.5 and 20 at 1.9. A run is unstable when growth stays above 4 S for three steps; in an
-//! instability it grows without bound. Three, because S begins at zero where a scene starts at rest: forward Euler's n-th step
-//! of a fall has gained 1/(n − 1) of the energy released.
+//! A method that dissipates takes I below zero, so growth is measured from the lowest I so far. It is never exactly zero: symplectic Euler lets the
+//! energy swing by `hω/(1 − h²ω²/4)` of its mean: 0.3 at hω = 0.3, 1.3 at 1, 3.4 at 1.5 and 20 at 1.9. A run is unstable when growth stays above 4 S
+//! for three steps. Three, because S begins at zero where a scene starts at rest: forward Euler's n-th step of a fall has gained 1/(n − 1) of the
+//! energy released. It is unstable at once when a single step brings more than twenty times all energy that was there: the kinetic and elastic energy
+//! at the start, the energy exchanged, and that of one step of free fall.
 //!
-//! A run is unstable at once when a single step brings more than twenty times all energy that was there: the kinetic and elastic
-//! energy at the start, the energy exchanged, and that of one step of free fall.
+//! **A scene at rest** exchanges nothing, and still its energy is not zero. With positions rounded by δ springs hold `½ Σ (k/l0) δ²`, and velocities
+//! of steps of h seconds `½ Σ m (δ/h)²`, which is no growth, nor is the rounding of the energies of a scene that falls as a whole.
 //!
-//! **A scene at rest** exchanges nothing, and still its energy is not zero. With positions rounded by δ springs hold
-//! `½ Σ (k/l0) δ²`, and velocities of steps of h seconds `½ Σ m (δ/h)²`, which is no growth. A scene that falls as a whole exchanges nothing
-//! either: there the energies that cancel are rounded.
-//!
-//! **A run with error control** may err by as much as its tolerance says. A local error e of a step is worth up to
-//! `Σ m (‖v‖ + 5 ‖e_v‖) ‖e_v‖` of kinetic energy (beyond their stability limit explicit methods make of a vibration up to three
-//! times their estimate), as much of elastic energy, and `10 Σ κ ‖e_x‖²` of the springs that errors of positions stretch, κ the
-//! sum of k/l0 at a particle. That much of growth does not count.
+//! **A run with error control** may err by as much as its tolerance says. A local error e of a step is worth up to `Σ m (‖v‖ + 5 ‖e_v‖) ‖e_v‖` of
+//! kinetic energy, as much of elastic energy, and `10 Σ κ ‖e_x‖²` of the springs that errors of positions stretch, κ the sum of k/l0 at a particle.
 
 use super::energy_balance::{EnergyBalance, Free};
 use crate::force::set_other_forces;
@@ -36,26 +29,8 @@ use crate::system::{State, StateView, System};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Growth, in units of S, above which a run is unstable, and in one step in units of all energy there was: symplectic Euler
-/// swings by as much at hω = 1.6 and 1.9, and comes back.
-const MOST_GROWTH: f64 = 4.0;
-const MOST_AT_ONCE: f64 = 20.0;
-
-/// Growth, in units of S, up to which a state counts as one from before the growth: the swing of
-/// symplectic Euler at hω = 0.3, which resolves a vibration.
-const CALM: f64 = 0.3;
-
-/// Steps in a row that must show growth, see the module.
+/// Steps in a row that must show growth; see the module for this and the other bounds.
 const PATIENCE: u32 = 3;
-
-/// Rounding of sums relative to their terms, and the residual of linear solvers.
-const ROUNDING: f64 = 1e-10;
-
-/// δ relative to the largest coordinate: some thousand roundings, from steps that do not resolve a vibration.
-const NOISE: f64 = 1e-12;
-
-/// Steps after which the state is saved again, fewer at the start: a copy costs a tenth of a pass over the springs.
-const EVERY: u64 = 8;
 
 /// The energies by which growth is judged, in J.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -76,8 +51,7 @@ pub(super) struct GrowthRecord {
     sums: f64,
     /// Kinetic and elastic energy at the start.
     stored: f64,
-    /// `Σ f²/(2m)` of weights and external forces on free coordinates at the start, in J/s²: times h² the energy of a step of
-    /// free fall.
+    /// `Σ f²/(2m)` of weights and external forces on free coordinates at the start, in J/s²: times h² the energy of a step of free fall.
     fall: f64,
     /// L, in J.
     #[serde(default)]
@@ -105,9 +79,9 @@ pub(super) struct SavedState {
 }
 
 impl SavedState {
-    /// Saves a calm state, unless the last one is not long ago.
+    /// Saves a calm state every eight steps, more often at the start: a copy costs a tenth of a pass over the springs.
     pub fn update(&mut self, steps: u64, state: &State, balance: &EnergyBalance) {
-        if steps >= self.steps + EVERY.min(1 + steps / EVERY) {
+        if steps >= self.steps + (1 + steps / 8).min(8) {
             (self.steps, self.balance) = (steps, *balance);
             self.state.copy_from(state);
         }
@@ -115,7 +89,6 @@ impl SavedState {
 }
 
 impl Noise {
-    /// Over steps of dt seconds, in J.
     pub fn energy(&self, dt: f64) -> f64 {
         self.elastic + self.inertia / (dt * dt)
     }
@@ -143,7 +116,9 @@ impl GrowthRecord {
         let mass = system.masses()[own.clone()].iter().sum();
         let [stiffness, mass] = system.total([stiffness, mass]);
         let [largest] = system.largest([state.positions[own].iter().map(|x| x.norm()).fold(0.0, f64::max)]);
-        let half = 0.5 * (NOISE * largest) * (NOISE * largest);
+        // Some thousand roundings of the largest coordinate, from steps that do not resolve a vibration.
+        let noise = 1e-12 * largest;
+        let half = 0.5 * noise * noise;
         let start = balance.free();
         Self {
             start,
@@ -172,12 +147,10 @@ impl GrowthRecord {
         self.start.kinetic + self.released + (self.work[1] - self.work[0]) + self.loaded
     }
 
-    /// The next step may err by so much energy, in J.
     pub fn doubt(&mut self, energy: f64) {
         self.doubt += energy;
     }
 
-    /// The state entered last shows too much growth.
     pub fn is_above(&self) -> bool {
         self.above > 0
     }
@@ -193,20 +166,22 @@ impl GrowthRecord {
         self.work = [self.work[0].min(now.work), self.work[1].max(now.work)];
         self.lowest = self.lowest.min(i);
         let (gained, exchanged) = ((i - self.lowest).max(0.0), self.exchanged());
-        let resolved = ROUNDING * start.magnitude.max(now.magnitude.min(exchanged));
+        // The residual of linear solvers.
+        let resolved = 1e-10 * start.magnitude.max(now.magnitude.min(exchanged));
         let rounding = resolved + self.sums * now.magnitude + self.noise.energy(dt);
         if gained > rounding + self.doubt {
             self.gained = self.gained.max(gained);
         }
         let is_above = |most: f64| most.is_finite() && gained > most + rounding + self.doubt;
-        self.above = if is_above(MOST_AT_ONCE * (exchanged + self.stored + self.fall * dt * dt)) {
+        self.above = if is_above(20.0 * (exchanged + self.stored + self.fall * dt * dt)) {
             PATIENCE
-        } else if is_above(MOST_GROWTH * exchanged) {
+        } else if is_above(4.0 * exchanged) {
             self.above + 1
         } else {
             0
         };
-        let is_calm = gained <= CALM * exchanged + rounding + self.doubt;
+        // The swing of symplectic Euler at hω = 0.3, which resolves a vibration.
+        let is_calm = gained <= 0.3 * exchanged + rounding + self.doubt;
         (is_calm, if self.above >= PATIENCE { Err(StepFailure::Unstable { gained, exchanged }) } else { Ok(()) })
     }
 }

@@ -1,19 +1,18 @@
 //! The work of loads and external forces on free coordinates, and the dissipation of drag.
 //!
-//! In a step of h seconds from x to x' the constant loads do the work `f·(x' − x)`. Gravity that changes in time acts as
-//! `m (g(t) − g(0))`, which is linear in time between its kinks. With the parabola of the velocity through its mean and both ends,
+//! In a step of h seconds from x to x' the constant loads do the work `f·(x' − x)`. Gravity that changes in time acts as `m (g(t) − g(0))`, which is
+//! linear in time between its kinks. With the parabola of the velocity through its mean and both ends, and ḡ the mean of g − g(0),
 //!
 //! ```text
-//! ∫ m (g − g(0))·v dt = m (ḡ·(x' − x) + h (g' − g)·(v' − v)/12),
+//! ∫ m (g − g(0))·v dt = m (ḡ·(x' − x) + h (g' − g)·(v' − v)/12).
 //! ```
 //!
-//! ḡ the mean of g − g(0). The last terms of several steps add up to that of one, however much velocities vibrate. Other external
-//! forces do the work `(f + f')·(x' − x)/2`, to second order.
+//! Other external forces do the work `(f + f')·(x' − x)/2`, to second order.
 //!
 //! Drag takes `∫ c v² dt = c h (v̄² + (v' − v)²/12 + d²/5)` with `v̄ = (x' − x)/h` and `d = (v + v')/2 − v̄`, as a damper does
-//! (`force::spring_energies`): the first term is certain, and the others count only where the step resolves the motion of the
-//! particle. What drag takes from a prescribed coordinate its constraint replaces: that counts as dissipated and as work. All other
-//! work of loads on prescribed coordinates is replaced too, and counts as neither.
+//! (`force::spring_energies`): the first term is certain, and the others count only where the step resolves the motion of the particle. What drag
+//! takes from a prescribed coordinate its constraint replaces: that counts as dissipated and as work. Other work of loads on prescribed coordinates
+//! is replaced too, and counts as neither.
 
 use crate::force::{SpringSums, resolved_step};
 use crate::system::{State, StateView, System};
@@ -58,7 +57,6 @@ impl<'s> LoadWork<'s> {
         self.system.dofs().free_axes(particle).project(force)
     }
 
-    /// The work of constant loads and of gravity that changes in time, in J.
     fn loads(&self, [before, after]: [&State; 2], dt: f64) -> f64 {
         let (system, loads) = (self.system, self.system.loads());
         let change = loads.gravity.as_ref().map(|gravity| {
@@ -80,7 +78,6 @@ impl<'s> LoadWork<'s> {
         work
     }
 
-    /// The work of external forces other than loads, in J.
     fn external(&mut self, [before, after]: [&State; 2]) -> f64 {
         let system = self.system;
         let Some([last, next]) = &mut self.external else { return 0.0 };

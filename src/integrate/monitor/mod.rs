@@ -1,12 +1,8 @@
 //! Monitoring of a run: its energy balance, a check for instability, and its propagated error.
 //!
-//! A [`Monitor`] is handed to [`run_monitored`](super::run_monitored), which enters every accepted step. Each entry takes one pass over
-//! the springs and one over the particles and updates
-//!
-//! - the [`Balance`]: work done, energy dissipated by damping, and the imbalance that remains;
-//! - the instability check (`instability`): energy gained without a source ends the run, unless told otherwise, as
-//!   [`StepFailure::Unstable`], and restores the last state before the gain;
-//! - the [`PropagatedError`], advanced by the method that took the step.
+//! A [`Monitor`] is handed to [`run_monitored`](super::run_monitored), which enters every accepted step. Each entry takes one pass over the springs
+//! and one over the particles and updates the [`Balance`], the instability check (`instability`: energy gained without a source ends the run as
+//! [`StepFailure::Unstable`], with the last state before the gain) and the [`PropagatedError`], advanced by the method that took the step.
 
 mod energy_balance;
 mod indicators;
@@ -64,29 +60,7 @@ pub struct MonitorCheckpoint {
     predictable_until: Option<f64>,
 }
 
-/// The monitor of a run; see the module.
-///
-/// # Examples
-/// ```
-/// use sprung::Method;
-/// use sprung::integrate::{ImplicitOptions, Monitor, MonitorOptions, Schedule, run_monitored};
-/// use std::ops::ControlFlow;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// let mut monitor = Monitor::new(&system, &state, MonitorOptions::default())?;
-/// let mut stepper = Method::ForwardEuler.stepper(&system, &state, &ImplicitOptions::default())?;
-/// // Forward Euler makes energy from nowhere, and with this step much of it.
-/// let schedule = Schedule::duration(0.2, 60.0);
-/// let outcome = run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, |_, _, _| ControlFlow::Continue(()));
-/// assert_eq!(outcome.status().name(), "unstable");
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
+/// The monitor of a run; see the module, and [`run_monitored`](super::run_monitored) for an example.
 pub struct Monitor<'s> {
     system: &'s System,
     options: MonitorOptions,
@@ -174,8 +148,8 @@ impl<'s> Monitor<'s> {
     /// Enters the state after a number of steps, the last of dt seconds.
     ///
     /// # Errors
-    /// [`StepFailure::Unstable`] when energy has appeared from nowhere, if that is to end the run;
-    /// [`StepFailure::NonFinite`] when an energy is not finite; a state of another system, or a dt that is not positive.
+    /// [`StepFailure::Unstable`] when energy has appeared from nowhere, if that is to end the run; [`StepFailure::NonFinite`] when an energy is not
+    /// finite; a state of another system, or a dt that is not positive.
     pub fn enter(&mut self, steps: u64, state: &State, dt: f64) -> Result<(), StepFailure> {
         StepFailure::of_arguments(self.system, state, dt)?;
         self.before = (self.last.time, self.balance());
@@ -232,8 +206,8 @@ impl<'s> Monitor<'s> {
         &mut self.springs
     }
 
-    /// The step entered next may err by so much energy, in J, by the method's own estimate: that much growth does not count. A run with
-    /// such estimates keeps them within its tolerance, so that the velocities of its states count as resolved.
+    /// The step entered next may err by so much energy, in J, by the method's own estimate: that much growth does not count. The velocities of such a
+    /// run count as resolved.
     pub fn doubt(&mut self, energy: f64) {
         self.is_accurate = true;
         self.record.growth.doubt(energy);
@@ -279,8 +253,7 @@ impl<'s> Monitor<'s> {
         self.record.balance.balance()
     }
 
-    /// Energy and balance at a state of the last step: those entered at its end; within it work and dissipation grow in
-    /// proportion to the time.
+    /// Energy and balance at a state of the last step, within which work and dissipation grow in proportion to the time.
     pub fn energy_at(&self, state: &State) -> (Energy, Balance) {
         if self.last.time == state.time {
             return (self.energy(), self.balance());

@@ -1,6 +1,6 @@
-//! A monitor along a run, and its energy balance by hand.
+//! A monitor along a run.
 
-use super::energy_balance::{EnergyBalance, Free, ParticleSums};
+use super::energy_balance::{EnergyBalance, ParticleSums};
 use super::work::BodyEnergy;
 use super::{Balance, Monitor, MonitorOptions};
 use crate::force::{Energy, SpringSums};
@@ -125,23 +125,6 @@ fn accounts_between_steps_are_in_proportion_to_time() {
     assert_eq!(monitor.energy_at(&between), (energy, monitor.balance_between(2.375, &energy)));
 }
 
-/// Indicators are relative to the extent of the scene at its end; of a scene at one place to the way from the start of the whole run.
-#[test]
-fn the_extent_is_the_spread_or_the_way() {
-    let mut builder = SystemBuilder::new();
-    for x in [1.0, 4.0, 4.0] {
-        builder.particle([x, 0.0, 0.0], 1.0);
-    }
-    let (system, start) = builder.build().unwrap();
-    let options = MonitorOptions::default();
-    let monitor = Monitor::new(&system, &start, options).unwrap();
-    // From the centroid at 3: 4 + 1 + 1. All at 7: from where they were, 36 + 9 + 9.
-    assert!((monitor.indicators(&start).extent - 6f64.sqrt()).abs() < 1e-15);
-    let gathered = State { positions: vec![Vector3::new(7.0, 0.0, 0.0); 3], ..start.clone() };
-    let later = Monitor::continued(&system, [&start, &gathered], 5, &monitor.account(), options).unwrap();
-    assert!((later.indicators(&gathered).extent - 54f64.sqrt()).abs() < 1e-14);
-}
-
 /// Doubles the velocities in every step, and fails after some.
 struct Doubling {
     steps: u64,
@@ -202,43 +185,8 @@ fn failures_of_growing_runs_are_reported_as_growth() {
     assert_eq!((reported(&outcome), state.time), ((4, 5, 2.0, Status::NotConverged), 2.0));
 }
 
-fn sums(elastic: f64, work: f64, dissipated: f64, certain: f64) -> SpringSums {
-    SpringSums { elastic, work, dissipated, certain }
-}
-
-fn particles(kinetic: f64, gravitational: f64) -> ParticleSums {
-    ParticleSums { energy: body(kinetic, gravitational), ..ParticleSums::default() }
-}
-
 fn body(kinetic: f64, gravitational: f64) -> BodyEnergy {
     BodyEnergy { kinetic, gravitational }
-}
-
-/// A start and two steps, entered and added up by hand.
-#[test]
-fn energy_goes_where_the_steps_say() {
-    let mut balance = EnergyBalance::new(&sums(3.0, 0.0, 0.0, 0.0), &particles(10.0, -6.0), body(1.0, 0.5));
-    let initial = Energy { kinetic: 10.0, elastic: 3.0, gravitational: -6.0 };
-    assert_eq!((balance.initial, balance.energy, balance.balance()), (initial, initial, Balance::default()));
-    // Without what is led: 10 − 1, and 3 + (−6 − 0.5).
-    let free = Free { kinetic: 9.0, potential: -3.5, work: 0.0, certain: 0.0, magnitude: 19.5 };
-    assert_eq!(balance.free(), free);
-
-    balance.enter(&sums(5.0, 8.0, 0.75, 0.1875), &particles(20.0, -7.0), body(4.0, 1.0));
-    assert_eq!((balance.initial, balance.energy.total()), (initial, 18.0));
-    // What is led has got 3.5 J, by work that went through no spring.
-    assert_eq!(balance.balance(), Balance { work: 11.5, dissipated: 0.75, imbalance: 18.0 - 7.0 - 11.5 + 0.75 });
-    let free = Free { kinetic: 16.0, potential: -3.0, work: 8.0, certain: 0.1875, magnitude: 33.0 };
-    assert_eq!(balance.free(), free);
-
-    balance.enter(&sums(5.0, 2.0, 1.25, 1.25), &particles(20.0, -7.0), body(4.0, 1.0));
-    assert_eq!(balance.balance(), Balance { work: 13.5, dissipated: 2.0, imbalance: 18.0 - 7.0 - 13.5 + 2.0 });
-    assert_eq!((balance.free().work, balance.free().certain), (10.0, 1.4375));
-
-    // Of another state: its energy of 9 J, and what is said of work and damping.
-    let energy = Energy { kinetic: 4.0, elastic: 6.0, gravitational: -1.0 };
-    let expected = Balance { work: 0.25, dissipated: 4.0, imbalance: 9.0 - 7.0 - 0.25 + 4.0 };
-    assert_eq!(balance.balance_of(&energy, 0.25, 4.0), expected);
 }
 
 /// Masses of 1 kg and 3 kg at 4 m/s and 0: the centre of mass goes at 1 m/s, and has 2 J of the 8 J where nothing is held.

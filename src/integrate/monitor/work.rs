@@ -1,31 +1,29 @@
 //! The work of moving constraints, of springs that change their rest lengths, and of loads (`load_work`).
 //!
-//! A prescribed coordinate c that moves has an equation of its own, the row that the system leaves out: `f_c = m a_c − F_c` is
-//! the force that makes it move, F_c those of springs and weight. Its work `∫ f_c v_c dt` is the change of
-//! `½ m v_c² − m g_c x_c`, which is known exactly, less the work that the springs do on it, `∫ F_s·v_c dt`.
+//! A prescribed coordinate c that moves has an equation of its own: `f_c = m a_c − F_c` is the force that makes it move, F_c those of springs and
+//! weight. Its work `∫ f_c v_c dt` is the change of `½ m v_c² − m g_c x_c`, which is known exactly, less the work that the springs do on it,
+//! `∫ F_s·v_c dt`.
 //!
-//! Within a step of h seconds a prescribed coordinate counts as moving at its mean velocity `Δx_c/h`, as it does between kinks;
-//! the rates of its springs are taken anew at both ends of every step. A spring pulls its ends together with
-//! `T = k (l/l0 − 1) + b r`; with u the velocity of its prescribed coordinates, i's less j's, it takes the power `T g`,
-//! `g = n·u`, from the constraint. Over the step, ′ being d/dt and `n′ = (Δv − n r)/l`,
+//! Within a step of h seconds it counts as moving at its mean velocity `Δx_c/h`. A spring pulls its ends together with `T = k (l/l0 − 1) + b r`; with
+//! u the velocity of its prescribed coordinates, i's less j's, it takes the power `T g`, `g = n·u`, from the constraint. Over the step, ′ being d/dt
+//! and `n′ = (Δv − n r)/l`,
 //!
 //! ```text
 //! ∫ k (l/l0 − 1) g dt = h (f₀ + f₁)/2 + h² (f₀′ − f₁′)/12,
 //! ∫ b r g dt = b h (r̄ ḡ + slope·slope_g/12 + c·c_g/5),
 //! ```
 //!
-//! in the terms of `force::spring_energies`, both to fourth order. Where a step does not resolve a spring's own motion the corrections are left
-//! out: `b h r̄ ḡ` goes with the dissipation `b h r̄²`.
+//! in the terms of `force::spring_energies`, both to fourth order. Where a step does not resolve a spring's own motion the corrections are left out:
+//! `b h r̄ ḡ` goes with the dissipation `b h r̄²`.
 //!
-//! A spring with the elastic energy U(l, t) whose rest length changes takes up `∫ ∂U/∂t dt`. While its length stays that is a
-//! difference of energies, however fast the rest length changes, and so with the mean of both ends
+//! A spring with the elastic energy U(l, t) whose rest length changes takes up `∫ ∂U/∂t dt`; with the mean of both ends
 //!
 //! ```text
 //! W(t, t') = ½ (U(l, t') − U(l, t) + U(l', t') − U(l', t))
 //! ```
 //!
-//! is right to second order. With the length l_m in the middle, by the cubic Hermite polynomial where the step resolves the spring,
-//! `(4 (W(t, t_m) + W(t_m, t')) − W(t, t'))/3` is right to fourth.
+//! is right to second order, and exactly while the length stays. With the length l_m in the middle, by the cubic Hermite polynomial where the step
+//! resolves the spring, `(4 (W(t, t_m) + W(t_m, t')) − W(t, t'))/3` is right to fourth.
 
 use super::load_work::LoadWork;
 use crate::force::{RateParabola, SpringSums, resolved_step};
@@ -87,7 +85,6 @@ impl<'s> Work<'s> {
         if self.driven.is_empty() { LawValues::default() } else { self.system.law_values(&state.positions, state.time) }
     }
 
-    /// The springs that end in a moving coordinate, ascending.
     pub fn driven(&self) -> impl Iterator<Item = usize> + '_ {
         self.driven.iter().map(|&(spring, _)| spring)
     }
@@ -107,8 +104,8 @@ impl<'s> Work<'s> {
         BodyEnergy { kinetic, gravitational }
     }
 
-    /// Moves on from a state to another after a step of dt seconds: the work in the step, and the dissipation of driven springs and
-    /// of drag. The states of a run with error control are accurate: they count as resolved.
+    /// Moves on from a state to another after a step of dt seconds: the work in the step, and the dissipation of driven springs and of drag. The
+    /// states of a run with error control are accurate: they count as resolved.
     pub fn enter(&mut self, before: &State, after: &State, dt: f64, is_accurate: bool) -> SpringSums {
         let states = [before, after];
         for &Dof { particle, axis } in &self.moving {
@@ -125,7 +122,6 @@ impl<'s> Work<'s> {
         self.velocities.get(p).map_or(*v, |known| Vector3::from_fn(|axis, _| known[axis].unwrap_or(v[axis])))
     }
 
-    /// A spring at both ends of the step.
     fn ends(&self, number: usize, states: [&State; 2]) -> [End; 2] {
         let [i, j] = self.system.pair(number);
         states.map(|State { positions: x, velocities: v, .. }| {
@@ -210,8 +206,8 @@ impl End {
     }
 }
 
-/// Work and dissipation of a driven spring in a step of dt seconds. `force` is its elastic tension with its derivative at both
-/// ends of the step, `resolved` the longest step that resolves it; its prescribed coordinates move at u.
+/// Work and dissipation of a driven spring in a step of dt seconds. `force` is its elastic tension with its derivative at both ends of the step,
+/// `resolved` the longest step that resolves it; its prescribed coordinates move at u.
 fn exchange(
     [dt, resolved]: [f64; 2],
     ends: &[End; 2],

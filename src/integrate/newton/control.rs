@@ -1,18 +1,14 @@
 //! The decisions of a Newton iteration: the accuracy of its direction, its matrix, its step length, and the target of r.
 //!
-//! **Forcing term** (Eisenstat and Walker's second, 1996). `η = 0.9 (‖r‖/‖r_last‖)²`, the square of the last iteration's progress,
-//! keeps the convergence quadratic. It does not fall below `0.9 η_last²` as long as that is above 0.1, so that one lucky iteration
-//! does not ask for digits that are worth nothing yet; and it never asks for more than the last iteration needs, half of the target.
+//! **Forcing term** (Eisenstat and Walker's second, 1996). `η = 0.9 (‖r‖/‖r_last‖)²` keeps the convergence quadratic. It does not fall below
+//! `0.9 η_last²` as long as that is above 0.1, and never asks for more than the last iteration needs, half of the target.
 //!
-//! **Options that do not fit.** Without the transverse stiffness of stretched springs (`axial`), which may be thousands of times `M/dt²`,
-//! directions are too long by this factor; without that of compressed ones (`tension`) they are too short, and the convergence is
-//! linear. Where a step is cut below a quarter, or r does not fall to a quarter, the rest of the time step is solved `on-demand`: with
-//! the full stiffness wherever it is definite; the progressive policy stays. All lead to the same solution.
+//! **Options that do not fit.** Where a step is cut below a quarter, or r does not fall to a quarter, the rest of the time step is solved
+//! `on-demand`: with the full stiffness wherever it is definite; the progressive policy stays. All lead to the same solution.
 //!
-//! **Saddles.** Where Φ has slightly negative curvature, as for a column just beyond its buckling load, a regularized matrix is far too
-//! stiff along the buckling mode. After a few slow iterations with regularized matrices the rest of the time step keeps the full
-//! stiffness and raises the masses instead, `A + σ M/dt²` with σ about as small as makes it definite (the shift of Levenberg and
-//! Marquardt in the metric of the masses). Away from the saddle σ falls to zero, and the convergence is quadratic again.
+//! **Saddles.** Where Φ has slightly negative curvature, as for a column just beyond its buckling load, a regularized matrix is far too stiff along
+//! the buckling mode. After a few slow iterations with regularized matrices the rest of the time step keeps the full stiffness and raises the masses
+//! instead, `A + σ M/dt²` with σ about as small as makes it definite (the shift of Levenberg and Marquardt in the metric of the masses).
 
 use crate::force::SpringGeometry;
 use crate::integrate::StiffnessPolicy;
@@ -60,12 +56,8 @@ pub(super) struct MatrixChoice {
     slow_iterations: u32,
 }
 
-/// Slow iterations with regularized matrices after which masses are raised instead.
-const PATIENCE: u32 = 4;
-
-/// Bounds of σ, and its factor from one attempt to the next.
+/// The least σ above zero, and its factor from one attempt to the next.
 const LEAST_SHIFT: f64 = 1e-4;
-const LARGEST_SHIFT: f64 = 1e8;
 const SHIFT_FACTOR: f64 = 4.0;
 
 impl MatrixChoice {
@@ -80,10 +72,10 @@ impl MatrixChoice {
         }
     }
 
-    /// Raises the shift of an indefinite matrix; returns `false` where there is none, or it is the largest.
+    /// Raises the shift of an indefinite matrix; returns `false` where there is none, or the masses outweigh everything.
     pub fn raise_shift(&mut self) -> bool {
         match &mut self.matrix {
-            NewtonMatrix::Shifted(shift) if *shift < LARGEST_SHIFT => {
+            NewtonMatrix::Shifted(shift) if *shift < 1e8 => {
                 *shift = (*shift * SHIFT_FACTOR).max(LEAST_SHIFT);
                 true
             }
@@ -91,15 +83,14 @@ impl MatrixChoice {
         }
     }
 
-    /// Records an iteration: its step along the direction, the ratio of residuals after and before it, and whether its matrix
-    /// was regularized.
+    /// Records an iteration: its step along the direction, the ratio of residuals after and before it, and whether its matrix was regularized.
     pub fn record(&mut self, step: f64, ratio: f64, is_regularized: bool) {
         let is_slow = step < 0.25 || ratio > 0.25;
         match self.matrix {
             NewtonMatrix::Policy(policy) if is_slow && policy != StiffnessPolicy::Always(Stiffness::Full) => {
                 self.slow_iterations += u32::from(is_regularized);
                 self.matrix = match policy {
-                    _ if self.slow_iterations >= PATIENCE => NewtonMatrix::Shifted(LEAST_SHIFT),
+                    _ if self.slow_iterations >= 4 => NewtonMatrix::Shifted(LEAST_SHIFT),
                     StiffnessPolicy::Progressive => NewtonMatrix::Policy(policy),
                     _ => NewtonMatrix::Policy(StiffnessPolicy::OnDemand),
                 };
@@ -151,8 +142,7 @@ pub(super) struct ForceBalance {
 }
 
 impl ForceBalance {
-    /// For a step of dt seconds from a state to a trial state with these extensions. `sums` is scratch: x holds magnitudes of
-    /// forces, y those of their rounding.
+    /// For a step of dt seconds from a state to a trial state with these extensions. `sums` is scratch: x holds forces, y their rounding.
     pub fn new(
         system: &System,
         extensions: &SpringGeometry,
@@ -237,7 +227,7 @@ mod tests {
     #[test]
     fn slow_progressive_iterations_stay_progressive() {
         let mut choice = MatrixChoice::new(StiffnessPolicy::Progressive);
-        for _ in 1..PATIENCE {
+        for _ in 1..4 {
             choice.record(0.1, 0.9, true);
             assert_eq!(choice.matrix, NewtonMatrix::Policy(StiffnessPolicy::Progressive));
         }
@@ -248,11 +238,11 @@ mod tests {
     #[test]
     fn only_slow_iterations_with_regularized_matrices_count() {
         let mut choice = MatrixChoice::new(StiffnessPolicy::OnDemand);
-        for _ in 0..2 * PATIENCE {
+        for _ in 0..8 {
             choice.record(0.1, 0.9, false);
             choice.record(1.0, 0.1, true);
         }
-        for _ in 1..PATIENCE {
+        for _ in 1..4 {
             choice.record(0.1, 0.9, true);
             assert_eq!(choice.matrix, ON_DEMAND);
         }
@@ -275,7 +265,7 @@ mod tests {
             choice.lower_shift();
             assert_eq!(choice.matrix, NewtonMatrix::Shifted(shift * LEAST_SHIFT));
         }
-        for (shift, rises) in [(0.5 * LARGEST_SHIFT, true), (LARGEST_SHIFT, false), (2.0 * LARGEST_SHIFT, false)] {
+        for (shift, rises) in [(0.5e8, true), (1e8, false)] {
             let mut choice = MatrixChoice { matrix: NewtonMatrix::Shifted(shift), slow_iterations: 0 };
             assert_eq!(choice.raise_shift(), rises);
             assert_eq!(choice.matrix, NewtonMatrix::Shifted(if rises { 4.0 * shift } else { shift }));

@@ -1,17 +1,10 @@
-use super::{A, B, C, GAMMA, RATES, Rodas4, Row, STAGES, TIMES, rotational_damping};
-use crate::force::SpringGeometry;
-use crate::integrate::fixtures::{OscillationAxis, Oscillator};
+use super::{A, B, C, GAMMA, RATES, Rodas4, Row, STAGES, TIMES};
 use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
-use crate::linear::{
-    Definiteness, LdltSolver, LinearSolver, PreparedMatrix, Solution, SolveFailure, SolverChoice, SolverOptions, norm,
-};
-use crate::operator::SystemOperator;
+use crate::linear::{SolverChoice, SolverOptions};
 use crate::spring::{Spring, Stiffness};
 use crate::system::fixtures::tethered;
 use crate::system::{State, System, SystemBuilder};
-use crate::work::Work;
-use nalgebra::{Complex, SMatrix, SVector, Vector3};
-use std::sync::{Arc, Mutex};
+use nalgebra::{Complex, SMatrix, SVector};
 
 type Matrix = SMatrix<f64, STAGES, STAGES>;
 type Vector = SVector<f64, STAGES>;
@@ -118,86 +111,6 @@ fn matrices_are_never_regularized() {
     }
 }
 
-/// u_6 and the new state of `y' = λ y`, `y = 1`, by the formula with numbers put in.
-fn scalar(lambda: Complex<f64>, h: f64) -> [Complex<f64>; 2] {
-    let sum = |row: &Row, stages: &[Complex<f64>]| row.iter().zip(stages).map(|(c, u)| u * *c).sum::<Complex<f64>>();
-    let mut stages = Vec::new();
-    for stage in 0..STAGES {
-        let point = sum(&A[stage], &stages) + 1.0;
-        let right = lambda * point + sum(&C[stage], &stages) / h;
-        stages.push(right / (Complex::from(1.0 / (GAMMA * h)) - lambda));
-    }
-    [stages[STAGES - 1], sum(&B, &stages) + 1.0]
-}
-
-/// A step of 0.6 s between two kinks: the new state, the difference from the embedded formula, and the local error.
-#[test]
-fn steps_are_those_of_the_formula() {
-    for (way, damping, tolerance) in
-        [(OscillationAxis::Along, 0.8, 1e-9), (OscillationAxis::Along, 0.0, 1e-9), (OscillationAxis::Across, 0.8, 1e-6)]
-    {
-        let oscillator = Oscillator::new(way, damping, 1.25);
-        let Oscillator { system, start, lambda, .. } = &oscillator;
-        let [last, next] = scalar(*lambda, 0.6);
-        let amplitude = oscillator.amplitude(start);
-        let [x, v] = oscillator.motion(amplitude * last);
-        let error = x.abs().min(0.15 * 0.6 * v.abs());
-        let near = |a: f64, b: f64| (a - b).abs() <= tolerance * amplitude.norm();
-        let mut state = start.clone();
-        state.velocities[0].x = 99.0;
-        let mut stepper = Rodas4::new(system, &state, &ImplicitOptions::default()).unwrap();
-        let estimate = stepper.try_step(&state, 0.6).unwrap();
-        let axis = usize::from(way == OscillationAxis::Across);
-        assert!(near(estimate.positions[1][axis], x) && near(estimate.velocities[1][axis], v), "{way:?} {estimate:?}");
-        assert_eq!(estimate.positions[0], Vector3::zeros());
-        let mut accepted = state.clone();
-        stepper.accept(&mut accepted);
-        assert!(oscillator.is_at(&accepted, next, tolerance), "{way:?} {damping}");
-        assert!(near(stepper.local_error, error) && error > 1e-5 * amplitude.norm());
-        // And as a step of fixed length.
-        let mut stepper = Rodas4::new(system, &state, &ImplicitOptions::default()).unwrap();
-        stepper.step(&mut state, 0.6).unwrap();
-        assert!(oscillator.is_at(&state, next, tolerance), "{way:?} {damping}");
-        assert!(near(stepper.local_error, error), "{way:?} {damping}");
-    }
-}
-
-/// `0.4 Σ U²/K_s / K` with `U = ½ κ L²`, `L = (h v⊥)²/(2 l)` and `K_s = ½ μ v⊥²`, of two springs, the first between particles of 2 kg and
-/// 3 kg, 1.5 m long and passed at 4 m/s across, the second from there to a held one, 2 m long and passed at 1 m/s.
-#[test]
-fn turning_springs_lose_energy() {
-    let mut builder = SystemBuilder::new();
-    for (position, mass) in [([0.0; 3], 2.0), ([1.5, 0.0, 0.0], 3.0), ([1.5, 0.0, 2.0], 5.0)] {
-        builder.particle(position, mass);
-    }
-    builder.hold(2);
-    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.0 });
-    builder.spring(1, 2, Spring { stiffness: 10.0, rest_length: 2.0, damping: 0.0 });
-    let (system, mut state) = builder.build().unwrap();
-    state.velocities[0] = Vector3::new(7.0, 4.0, 0.0);
-    state.velocities[1] = Vector3::new(1.0, 0.0, -2.0);
-    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
-    let h = 0.25;
-    let share = |kappa: f64, length: f64, square: f64, mass: f64| {
-        let lift = h * h * square / (2.0 * length);
-        let energy = 0.5 * kappa * lift * lift;
-        energy * energy / (0.5 * mass * square)
-    };
-    // Across the first spring 4 m/s along y and 2 m/s along z; the second turns about what is held, with all of 3 kg.
-    let taken = share(12.0, 1.5, 20.0, 6.0 / 5.0) + share(5.0, 2.0, 1.0, 3.0);
-    let kinetic = 0.5 * (2.0 * 65.0 + 3.0 * 5.0);
-    let found = rotational_damping(&system, &extensions, &state.velocities, h);
-    assert!((found / (0.4 * taken / kinetic) - 1.0).abs() < 1e-12, "{found}");
-    let mut stepper = Rodas4::new(&system, &state, &ImplicitOptions::default()).unwrap();
-    state.time = 8.0;
-    stepper.try_step(&state, h).unwrap();
-    assert!((stepper.rotational_damping() / found - 1.0).abs() < 1e-12, "{} {found}", stepper.rotational_damping());
-    // Along springs nothing turns, and where nothing moves there is nothing to take from.
-    state.velocities = vec![Vector3::x(), Vector3::zeros(), Vector3::zeros()];
-    assert_eq!(rotational_damping(&system, &extensions, &state.velocities, h), 0.0);
-    assert_eq!(rotational_damping(&system, &extensions, &[Vector3::zeros(); 3], h), 0.0);
-}
-
 /// A step of fixed length is cut in quarters, and again, but no part is shorter than a 1024th of it.
 #[test]
 fn steps_are_cut_five_times_at_most() {
@@ -226,55 +139,5 @@ fn shorter_steps_are_solved_more_accurately() {
         // A ten-thousandth of it, for the root of 4 kg and 1600/s², of 10⁴ N.
         let (asked, part) = (stepper.linear.adaptive_tolerance.next(1e4, 1600.0), 1e-4 * expected * 2.0 * 1600.0 / 1e4);
         assert!((asked / part - 1.0).abs() < 1e-12, "{last}: {asked:e} {part:e}");
-    }
-}
-
-/// Reports this relative residual for its solutions; records the largest norm of a right-hand side.
-struct Inaccurate {
-    solver: LdltSolver,
-    residual_and_largest: Arc<Mutex<[f64; 2]>>,
-}
-
-impl LinearSolver for Inaccurate {
-    fn name(&self) -> &'static str {
-        "inaccurate"
-    }
-
-    fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
-        self.solver.update(a, work)
-    }
-
-    fn solve(
-        &mut self,
-        a: PreparedMatrix<'_>,
-        b: &[f64],
-        x: &mut [f64],
-        work: &mut Work,
-    ) -> Result<Solution, SolveFailure> {
-        self.solver.solve(a, b, x, work)?;
-        let mut shared = self.residual_and_largest.lock().unwrap();
-        shared[1] = shared[1].max(norm(b));
-        Ok(Solution { relative_residual: shared[0] })
-    }
-}
-
-/// A residual may cause a thousandth of the step's error, `‖r‖ ≤ 10⁻³ ‖E‖ √m/(γh)²`; with more the step is computed again, twice at most.
-#[test]
-fn inaccurate_steps_are_computed_again() {
-    let (system, start) = pulled();
-    let residual_and_largest = Arc::new(Mutex::new([0.0; 2]));
-    let solver = LdltSolver::new(&system, faer::Par::Seq, &mut Work::default()).unwrap();
-    let solver = Box::new(Inaccurate { solver, residual_and_largest: residual_and_largest.clone() });
-    let mut stepper = Rodas4::with_solver(&system, &start, &ImplicitOptions::default(), solver).unwrap();
-    let h = 0.1;
-    stepper.try_step(&start, h).unwrap();
-    let (_, error) = stepper.last.unwrap();
-    let enough = 1e-3 * error * 2.0 / (GAMMA * h).powi(2);
-    let [_, largest] = *residual_and_largest.lock().unwrap();
-    for (part, times) in [(0.99, 1), (1.01, 3)] {
-        residual_and_largest.lock().unwrap()[0] = part * enough / largest;
-        let before = stepper.statistics().work.force_evaluations;
-        stepper.try_step(&start, h).unwrap();
-        assert_eq!(stepper.statistics().work.force_evaluations - before, times * STAGES as u64, "{part}");
     }
 }
