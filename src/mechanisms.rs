@@ -167,9 +167,7 @@ pub fn mechanisms(system: &System, state: &State) -> Result<Mechanisms> {
 impl Mechanisms {
     /// The displacement of every particle in one of `motions`.
     pub fn shape(&self, motion: &[f64]) -> Vec<Vector3<f64>> {
-        let mut shape = vec![Vector3::zeros(); self.dofs.particles()];
-        self.dofs.scatter(motion, &mut shape);
-        shape
+        self.dofs.full(motion)
     }
 }
 

@@ -124,6 +124,12 @@ pub(crate) struct Ritz {
     pub residual: f64,
 }
 
+impl From<Ritz> for Eigenpair {
+    fn from(ritz: Ritz) -> Self {
+        Self { value: ritz.value, vector: ritz.vector, residual: ritz.residual }
+    }
+}
+
 /// The eigenvalues wanted, and the size of the search space.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Search {

@@ -1,6 +1,6 @@
 //! Searches whose every trial is known by hand: particles that move along one axis each.
 
-use super::critical::{Bound, CriticalSteps, Known, LargestStep};
+use super::critical::{Bound, CriticalSteps, Facts, LargestStep};
 use crate::inspect::Property::{Definite, Stable};
 use crate::inspect::fixtures::{Pin, pin, pinned};
 use crate::inspect::tests::chain;
@@ -80,8 +80,8 @@ fn what_is_pressed_by_rounding_alone_limits_no_step() {
 }
 
 /// Facts about A at the limit s = 2: a direction, and an s that was proven.
-fn known(direction: &[f64], definite_from: Option<f64>) -> Known {
-    Known { curves_downwards: Some(true), direction: Some(direction.to_vec()), definite_from }
+fn known(direction: &[f64], definite_from: Option<f64>) -> Facts {
+    Facts { curves_downwards: Some(true), direction: Some(direction.to_vec()), definite_from }
 }
 
 /// Nothing is factored where the limit is known already to as many digits as a factorization tells.
@@ -90,10 +90,10 @@ fn a_bracket_that_is_narrow_enough_is_not_narrowed() {
     let held = pinned(&[pin(5.0, 20.0)]);
     let mut found = steps(&held);
     let proven = 2.0 * (1.0 + 2.0 * f64::EPSILON);
-    assert_eq!(limit(found.definite_knowing(known(&[1.0], Some(proven)))), [1.0 / proven, 0.5]);
+    assert_eq!(limit(found.search(Definite, FULL, known(&[1.0], Some(proven)))), [1.0 / proven, 0.5]);
     assert_eq!(found.work.factorizations, 0);
     // A bracket of 1 + 10⁻⁶ is wide.
-    let [dt, refused] = limit(found.definite_knowing(known(&[1.0], None)));
+    let [dt, refused] = limit(found.search(Definite, FULL, known(&[1.0], None)));
     assert!(dt < 0.5 && refused == 0.5 && 0.5 - dt < 1e-15, "{dt} {refused}");
     assert_eq!(found.work.factorizations, 1);
 }
@@ -104,7 +104,7 @@ fn a_bracket_that_is_narrow_enough_is_not_narrowed() {
 fn a_refusal_finds_the_direction_that_was_missed() {
     let held = pinned(&[pin(5.0, 20.0), pin(5.0, 5.0)]);
     let mut steps = steps(&held);
-    let [dt, refused] = limit(steps.definite_knowing(known(&[0.0, 1.0], None)));
+    let [dt, refused] = limit(steps.search(Definite, FULL, known(&[0.0, 1.0], None)));
     assert!(refused == 0.5 && dt < 0.5 && 0.5 - dt < 1e-15, "{dt} {refused}");
     assert_eq!(steps.work.factorizations, 2);
 }
@@ -146,7 +146,7 @@ fn refusals_make_trials_bolder() {
     };
     let exact = (2.0 / 40.0f64).sqrt() / (free as f64 * std::f64::consts::PI / (2 * free + 2) as f64).sin();
     let mut steps = steps(&held);
-    let [dt, refused] = limit(steps.definite_knowing(known(&mode(free - 3), None)));
+    let [dt, refused] = limit(steps.search(Definite, FULL, known(&mode(free - 3), None)));
     assert!((dt / exact - 1.0).abs() < 1e-12 && refused > dt && refused < dt * (1.0 + 1e-12), "{dt} {refused}");
     assert!(steps.work.factorizations < 30, "{:?}", steps.work);
 }

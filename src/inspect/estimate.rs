@@ -16,8 +16,8 @@
 
 use super::critical::{LargestStep, MatrixPencil, Property};
 use super::culprits::direction;
-use super::inertia::{Inertia, largest_at_particle, lightest};
-use super::inspection::{FirstAnswer, Inspection, Part, SkipReason, index_of};
+use super::inertia::{Inertia, largest_at_particle};
+use super::inspection::{FirstAnswer, Inspection, Part, SkipReason, examined_first};
 use super::spectrum::{ROUNDING, Spectrum};
 use crate::eigen::{BlockLanczos, Eigenpair, End, Search, Tolerance, multigrid_for};
 use crate::error::Result;
@@ -45,23 +45,20 @@ impl Inspection {
         let mut found = Self::unknown(system, &extensions, dt, option, why);
         let operator = |option| SystemOperator::new(system, &extensions, option, Combination::step(dt));
         let mut multigrid = multigrid_for(&operator(Stiffness::Tension), &state.positions);
-        let mut options = Stiffness::ALL;
-        options.sort_by_key(|&each| each != option);
         let mut near: Option<Eigenpair> = None;
-        for (k, each) in options.into_iter().enumerate() {
+        for (k, each) in examined_first(option).into_iter().enumerate() {
             let a = operator(each);
             found.work.assemblies += 1;
             let spectrum = spectrum(&a, multigrid.as_mut(), near.as_ref(), &mut found.work);
             let lowest = spectrum.lowest.first().cloned();
             let is_definite = proves_definite(&a);
-            let figures = &mut found.options[index_of(each)];
-            figures.set_spectrum(&spectrum);
+            found.options[each as usize].set_spectrum(&spectrum);
             if is_definite {
-                figures.inertia = Inertia::definite(a.order());
+                found.options[each as usize].inertia = Inertia::definite(a.order());
                 found.set_known(Part::Signs(each));
             }
             if is_definite || each != Stiffness::Full {
-                found.options[index_of(each)].critical = LargestStep::Every;
+                found.options[each as usize].critical = LargestStep::Every;
                 found.set_known(Part::Definite(each));
             }
             found.set_estimated(Part::Spectrum(each));
@@ -94,7 +91,7 @@ impl Inspection {
         let k = Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 };
         if SystemOperator::new(system, extensions, Stiffness::Full, k).has_no_negative_block() {
             self.growing_modes = 0;
-            let full = &mut self.options[index_of(Stiffness::Full)];
+            let full = &mut self.options[Stiffness::Full as usize];
             (full.critical, full.stable) = (LargestStep::Every, LargestStep::Every);
             for part in [Part::GrowingModes, Part::SmallestSet, Part::Stable(Stiffness::Full)] {
                 self.set_known(part);
@@ -104,8 +101,8 @@ impl Inspection {
         for option in [Stiffness::Tension, Stiffness::Axial, Stiffness::Absolute] {
             pencil.option = option;
             pencil.set(0.0);
-            if pencil.operator().has_no_negative_block() {
-                self.options[index_of(option)].stable = LargestStep::Every;
+            if pencil.operator.has_no_negative_block() {
+                self.options[option as usize].stable = LargestStep::Every;
                 self.set_known(Part::Stable(option));
             }
         }
@@ -148,8 +145,7 @@ fn spectrum(
         None => z.copy_from_slice(r),
     };
     let low = low.iterate(tolerance, 40, &mut apply, Some(&mut precondition));
-    let pair = |pair: crate::eigen::Ritz| Eigenpair { value: pair.value, vector: pair.vector, residual: pair.residual };
-    let lowest: Vec<Eigenpair> = low.into_iter().map(pair).collect();
+    let lowest: Vec<Eigenpair> = low.into_iter().map(Eigenpair::from).collect();
     let smallest = lowest.first().map_or(f64::NAN, |pair| pair.value);
     let largest = high.first().map_or(f64::NAN, |pair| pair.value);
     let ceiling = proven_ceiling(a);
@@ -162,7 +158,7 @@ fn spectrum(
 
 /// `min mᵢ/dt²`, below every eigenvalue where no block has a negative one.
 fn proven_floor(a: &SystemOperator<'_>) -> f64 {
-    if a.has_no_negative_block() { a.mass_factor() * lightest(a.system()) } else { f64::NEG_INFINITY }
+    if a.has_no_negative_block() { a.mass_factor() * a.system().free_masses()[0] } else { f64::NEG_INFINITY }
 }
 
 /// An upper bound for λ_max.

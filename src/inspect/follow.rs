@@ -78,7 +78,7 @@ impl<'s> DefinitenessWatch<'s> {
     fn factor(&mut self, state: &State) -> Result<[bool; 2], DegenerateSpring> {
         self.pencil.update(state)?;
         self.pencil.set(self.dt.recip());
-        let is_factored = self.oracle.factor(self.pencil.operator(), &mut Work::default()).is_ok();
+        let is_factored = self.oracle.factor(&self.pencil.operator, &mut Work::default()).is_ok();
         Ok([is_factored, is_factored && self.oracle.factorization.is_positive()])
     }
 
@@ -102,7 +102,7 @@ impl<'s> DefinitenessWatch<'s> {
             factorization.substitute(direction);
             if let Some(pair) = pair(direction).filter(|pair| pair.value < 0.0).or(lost) {
                 loss.curvature = pair.value;
-                loss.culprits = culprits::direction(pencil.system, pencil.extensions(), option, &pair).culprits;
+                loss.culprits = culprits::direction(pencil.system, &pencil.extensions, option, &pair).culprits;
             }
         }
         Ok(Some(loss))

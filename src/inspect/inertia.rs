@@ -29,7 +29,6 @@ use crate::error::Result;
 use crate::linear::{FactorKind, Factorization, PivotSigns, PivotedLdlt, Pivoting, norm};
 use crate::operator::{LinearOperator, SystemOperator};
 use crate::spring::SpringBlock;
-use crate::system::System;
 use crate::work::Work;
 use faer::{Mat, Par, Side};
 use nalgebra::Matrix3;
@@ -288,18 +287,13 @@ fn unit(n: usize) -> f64 {
 /// spring at a particle, up to a million of them.
 pub(super) fn definite_by_blocks(operator: &SystemOperator<'_>, a: &SymmetricMatrix, mass: f64) -> Option<Inertia> {
     let (n, system) = (a.order(), operator.system());
-    let floor = mass * lightest(system);
+    let floor = mass * system.free_masses()[0];
     let is_visible = floor > 1e-9 * a.norm_inf(&mut vec![0.0; n]);
     let is_definite = n > 0 && is_visible && operator.has_no_negative_block();
     let mut springs = vec![0u32; system.particles()];
     system.pairs().iter().flatten().for_each(|&end| springs[end as usize] += 1);
     let is_hub = springs.iter().any(|&count| count > 1_000_000);
     is_definite.then(|| Inertia { proven: !is_hub, ..Inertia::definite(n) })
-}
-
-pub(super) fn lightest(system: &System) -> f64 {
-    let free = system.masses().iter().enumerate().filter(|(p, _)| !system.dofs().rows(*p).is_empty());
-    free.map(|(_, mass)| *mass).fold(f64::INFINITY, f64::min)
 }
 
 /// The largest over all free particles of a sum over the blocks at each: `start` of its mass, then the external block, then every

@@ -164,7 +164,6 @@ impl Inspection {
         option: Stiffness,
         why: SkipReason,
     ) -> Self {
-        let compressed = extensions.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at));
         let unknown = |option| OptionInspection {
             option,
             inertia: Inertia::undecided(system.dofs().len(), f64::INFINITY),
@@ -182,7 +181,7 @@ impl Inspection {
             options: Stiffness::ALL.map(unknown),
             first: None,
             growing_modes: 0,
-            compressed_springs: compressed.count(),
+            compressed_springs: extensions.compressed(system),
             spectrum: Spectrum::unknown(),
             directions: Vec::new(),
             clusters: Vec::new(),
@@ -254,17 +253,15 @@ impl Inspection {
 
     /// A under the examined option.
     pub fn examined(&self) -> &OptionInspection {
-        &self.options[index_of(self.option)]
+        &self.options[self.option as usize]
     }
 }
 
-pub(super) fn index_of(option: Stiffness) -> usize {
-    match option {
-        Stiffness::Full => 0,
-        Stiffness::Tension => 1,
-        Stiffness::Axial => 2,
-        Stiffness::Absolute => 3,
-    }
+/// All options, the examined one first.
+pub(super) fn examined_first(option: Stiffness) -> [Stiffness; 4] {
+    let mut options = Stiffness::ALL;
+    options.sort_by_key(|&each| each != option);
+    options
 }
 
 /// The answer of a quick check: whether A is positive definite, with a direction of low curvature.
@@ -360,7 +357,7 @@ mod tests {
             let mut found = Inspection::unknown(&system, &extensions, 0.1, Stiffness::Tension, SkipReason::Interrupted);
             let pair = |&value: &f64| Eigenpair { value, vector: Vec::new(), residual: 0.0 };
             found.spectrum.lowest = lowest.iter().map(pair).collect();
-            let inertia = &mut found.options[index_of(Stiffness::Tension)].inertia;
+            let inertia = &mut found.options[Stiffness::Tension as usize].inertia;
             (inertia.negative, inertia.zero, inertia.positive) = (negative, zero, positive);
             found.fold()
         };

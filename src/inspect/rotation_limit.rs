@@ -40,6 +40,7 @@ use super::oracle::Oracle;
 use crate::error::Result;
 use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
 use crate::linear::{Ldlt, dot};
+use crate::modes::sums_at_ends;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -73,14 +74,18 @@ pub const MOST_STRETCHED: f64 = 0.01;
 impl Turn {
     /// The part of its rotation that the spring loses in one radian.
     pub fn braked(&self) -> f64 {
-        if self.brake == 0.0 { 0.0 } else { -(-self.brake.ln_1p() / self.angle).exp_m1() }
+        -(-self.decay()).exp_m1()
+    }
+
+    /// The logarithm by which the rotation decays in one radian.
+    fn decay(&self) -> f64 {
+        if self.brake == 0.0 { 0.0 } else { self.brake.ln_1p() / self.angle }
     }
 
     /// The excess over the limits: above 1 the step is too long for this spring.
     pub fn excess(&self) -> f64 {
         // Not the loss itself, which saturates far beyond the limit.
-        let braked = if self.brake == 0.0 { 0.0 } else { self.brake.ln_1p() / self.angle };
-        (braked / -(-MOST_BRAKED).ln_1p()).max(self.stretch / MOST_STRETCHED)
+        (self.decay() / -(-MOST_BRAKED).ln_1p()).max(self.stretch / MOST_STRETCHED)
     }
 
     /// The spring with the largest [excess](Self::excess) in a step of length dt by these displacements, in m; `None` where none
@@ -93,23 +98,22 @@ impl Turn {
         option: Stiffness,
     ) -> Option<Self> {
         let moved = |p: usize| displacement.get(p).copied().unwrap_or_else(Vector3::zeros);
-        let active = || extensions.springs(system);
         // (k/l0) (n·δ)² of every spring, summed at its ends.
         let axial = |[i, j]: [usize; 2], n: &Vector3<f64>, per_length: f64| {
             let along = n.dot(&(moved(i) - moved(j)));
             per_length * along * along
         };
-        let mut around = vec![0.0; system.particles()];
-        for ((_, pair, spring), at) in active() {
+        let axials = extensions.springs(system).map(|((_, pair, spring), at)| {
             let energy = axial(pair, &at.direction, spring.axial_stiffness());
-            pair.into_iter().for_each(|p| around[p] += energy);
-        }
+            (pair, energy)
+        });
+        let around = sums_at_ends(system, axials);
         let inverse_mass = |p: usize| match system.dofs().rows(p).is_empty() {
             true => 0.0,
             false => 1.0 / system.masses()[p],
         };
         let mut worst: Option<Self> = None;
-        for ((number, particles, spring), at) in active() {
+        for ((number, particles, spring), at) in extensions.springs(system) {
             let [i, j] = particles;
             let shift = moved(i) - moved(j);
             let along = at.direction.dot(&shift);
@@ -288,11 +292,10 @@ impl<'s> RotationLimit<'s> {
 
     /// The longest step, and the spring that dt itself rotates worst.
     pub(super) fn limit_and_worst(&mut self, option: Stiffness, dt: f64) -> (LargestStep, Option<Turn>) {
+        let excess = |worst: Option<Turn>| worst.map_or(f64::NEG_INFINITY, |turn| turn.excess().ln());
         let worst = self.worst(option, dt);
-        let first = Trial { at: 0.0, excess: worst.map_or(f64::NEG_INFINITY, |turn| turn.excess().ln()) };
-        let limit =
-            search(first, |at| self.worst(option, dt * at.exp()).map_or(f64::NEG_INFINITY, |turn| turn.excess().ln()));
-        let limit = match limit {
+        let first = Trial { at: 0.0, excess: excess(worst) };
+        let limit = match search(first, |at| excess(self.worst(option, dt * at.exp()))) {
             None if first.excess > 0.0 => LargestStep::UpTo { dt: 0.0, refused: dt },
             None => LargestStep::Every,
             Some([low, high]) => LargestStep::UpTo { dt: dt * low.exp(), refused: dt * high.exp() },

@@ -77,11 +77,9 @@ pub fn smallest_set(
 /// As [`smallest_set`]; A may be known to have negative eigenvalues.
 pub(super) fn search(mut trial: Trial<'_>, negative: usize, counter: &mut InertiaCounter, work: &mut Work) -> DropSet {
     let (system, extensions) = (trial.system, trial.extensions);
-    let compressed = extensions.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at));
-    let tension = compressed.count();
-    let set = |springs: &[usize], minimality, at_least| {
-        let springs = springs.iter().filter_map(|&p| system.active_springs().get(p)).map(|&s| s as usize).collect();
-        DropSet { springs, minimality, at_least, tension }
+    let set = |positions: &[usize], minimality, at_least| {
+        let springs = positions.iter().map(|&p| system.active_springs()[p] as usize).collect();
+        DropSet { springs, minimality, at_least, tension: extensions.compressed(system) }
     };
     if negative == 0 && trial.is_definite(&[], work) {
         return set(&[], Minimality::Irredundant, 0);
@@ -99,7 +97,7 @@ pub(super) fn search(mut trial: Trial<'_>, negative: usize, counter: &mut Inerti
         at_least = at_least.max(necessary.len() + fewest(left, others));
     }
     let Some(enough) = trial.enough(&necessary, &terms, work) else {
-        let all: Vec<usize> = (0..extensions.as_slice().len()).filter(|&p| trial.taken(p) > 0.0).collect();
+        let all: Vec<usize> = (0..trial.taken.len()).filter(|&p| trial.taken[p] > 0.0).collect();
         return set(&all, Minimality::Enough, at_least);
     };
     if !is_affordable(enough.len(), trial.oracle.factorization.size().entries) {
@@ -147,21 +145,12 @@ impl<'s> Trial<'s> {
         let options = vec![Stiffness::Full; extensions.as_slice().len()];
         let block = |spring: &Spring, at| spring.stiffness_block(at, Stiffness::Full);
         let taken = extensions.springs(system).map(|((_, _, spring), at)| (-block(spring, at).transverse).max(0.0));
-        let taken = taken.collect();
-        Self { system, extensions, combination, operator, oracle, options, taken }
-    }
-
-    fn taken(&self, position: usize) -> f64 {
-        self.taken.get(position).copied().unwrap_or(0.0)
+        Self { system, extensions, combination, operator, oracle, options, taken: taken.collect() }
     }
 
     fn is_definite(&mut self, dropped: &[usize], work: &mut Work) -> bool {
         self.options.fill(Stiffness::Full);
-        for &position in dropped {
-            if let Some(option) = self.options.get_mut(position) {
-                *option = Stiffness::Tension;
-            }
-        }
+        dropped.iter().for_each(|&position| self.options[position] = Stiffness::Tension);
         let options = &self.options;
         self.operator.update_each(self.extensions, self.combination, |position| options[position]);
         self.oracle.is_definite(&self.operator, work)
@@ -170,7 +159,7 @@ impl<'s> Trial<'s> {
     fn terms(&mut self) -> Vec<Term> {
         self.operator.update(self.extensions, Stiffness::Tension, self.combination);
         let necessity = Necessity::new(&self.operator, &self.oracle.pattern);
-        let term = |(position, &spring): (usize, &u32)| match self.taken(position) > 0.0 {
+        let term = |(position, &spring): (usize, &u32)| match self.taken[position] > 0.0 {
             false => Term { rank: 0, need: 0.0 },
             true => {
                 let (columns, _) = self.columns(&[position]);
@@ -235,7 +224,7 @@ impl<'s> Trial<'s> {
             }
         }
         let (order, minimality) = choose(&h, &owners, enough.len(), MOST_MULTIPLICATIONS);
-        (order.into_iter().filter_map(|k| enough.get(k).copied()).collect(), minimality)
+        (order.into_iter().map(|k| enough[k]).collect(), minimality)
     }
 
     /// The columns of N for the given springs, as (row, value), and the index of the spring that each belongs to.
@@ -243,15 +232,11 @@ impl<'s> Trial<'s> {
         let dofs = self.system.dofs();
         let (mut columns, mut owners) = (Vec::new(), Vec::new());
         for (owner, &position) in springs.iter().enumerate() {
-            let (Some(&spring), Some(at)) =
-                (self.system.active_springs().get(position), self.extensions.as_slice().get(position))
-            else {
-                continue;
-            };
-            let root = self.taken(position).sqrt();
-            for t in across(&at.direction) {
+            let ends = self.system.pair(self.system.active_springs()[position] as usize);
+            let root = self.taken[position].sqrt();
+            for t in across(&self.extensions.as_slice()[position].direction) {
                 let mut column = Vec::new();
-                for (particle, sign) in self.system.pair(spring as usize).into_iter().zip([root, -root]) {
+                for (particle, sign) in ends.into_iter().zip([root, -root]) {
                     let free = dofs.free_axes(particle).iter();
                     column.extend(dofs.rows(particle).zip(free).map(|(row, axis)| (row, sign * t[axis])));
                 }
