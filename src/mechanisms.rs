@@ -24,6 +24,7 @@ use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
 use crate::linear::{Ldlt, dot, norm};
 use crate::memory;
+use crate::modes::largest;
 use crate::rigid::{combination, rigid_motions};
 use crate::system::{DofMap, State, System};
 use crate::work::Work;
@@ -37,16 +38,8 @@ use proof::{Bounds, largest_rank, least, root_above, root_below};
 /// The largest number of degrees of freedom, and of springs, for which B is decomposed densely.
 const DENSE: usize = 1200;
 
-/// Mechanisms of a large scene that are computed; beyond, they are only counted.
-const COMPUTED: usize = 100;
-
-/// Singular values, as parts of the largest, from which on they count as not zero, and up to which they are rounding of vectors computed by inverse
-/// iteration.
+/// The part of the largest singular value from which on others count as not zero.
 const KEPT: f64 = 1e-9;
-const DROPPED: f64 = 1e-12;
-
-/// A particle moves in a mechanism where its displacement is above this part of the largest.
-const MOVES: f64 = 1e-6;
 
 /// Mechanisms and states of self-stress of a system; see [`mechanisms`].
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -233,16 +226,8 @@ impl Directions<'_> {
         }
         if d == 0 || s == 0 {
             let unit = |n: usize| (0..n).map(|k| (0..n).map(|l| f64::from(u8::from(k == l))).collect()).collect();
-            let gap = [f64::NAN, f64::NAN];
-            return Ok(NullSpaces {
-                rank: 0,
-                gap,
-                decided: true,
-                bounds: Bounds::NONE,
-                motions: unit(d),
-                stresses: unit(s),
-                is_complete: true,
-            });
+            let (gap, bounds, motions, stresses) = ([f64::NAN; 2], Bounds::NONE, unit(d), unit(s));
+            return Ok(NullSpaces { rank: 0, gap, decided: true, bounds, motions, stresses, is_complete: true });
         }
         // Sequential: the bits must not depend on the number of threads.
         let full = ComputeSvdVectors::Full;
@@ -264,7 +249,7 @@ impl Directions<'_> {
         let rounding = f64::EPSILON * d.max(s) as f64;
         let largest = values.first().copied().unwrap_or(0.0);
         let rank = values.iter().filter(|value| **value > largest * (rounding * KEPT).sqrt()).count();
-        let gap = [rank.checked_sub(1).map_or(f64::NAN, |k| values[k]), values.get(rank).copied().unwrap_or(f64::NAN)];
+        let gap = [rank.checked_sub(1), Some(rank)].map(|k| k.and_then(|k| values.get(k)).copied().unwrap_or(f64::NAN));
         let decided = rank == 0 || gap[0] >= KEPT * largest && (gap[1].is_nan() || gap[1] <= 10.0 * rounding * largest);
         let columns =
             |u: faer::MatRef<'_, f64>| (rank..u.ncols()).map(|k| u.col(k).iter().copied().collect()).collect();
@@ -306,15 +291,16 @@ impl Directions<'_> {
         let (mut gap, mut decided) = ([f64::NAN; 2], low.is_some() && low == high);
         let mut motions = Vec::new();
         let mut found = zeros;
-        if zeros <= COMPUTED {
+        // Beyond, they are only counted.
+        if zeros <= 100 {
             let pairs = search.lowest((zeros + 1).min(d), Accuracy::FULL);
             let complete = search.edge.is_some();
             let sizes: Vec<f64> = pairs.iter().map(|pair| self.stretch(&pair.vector)).collect();
-            found = sizes.iter().filter(|size| **size <= (DROPPED * KEPT).sqrt() * largest).count();
-            let of = |kept: bool| {
-                sizes.iter().enumerate().filter(move |(k, _)| (*k >= found) == kept).map(|(_, size)| *size)
-            };
-            gap = [of(true).reduce(f64::min).unwrap_or(f64::NAN), of(false).reduce(f64::max).unwrap_or(f64::NAN)];
+            // Vectors computed by inverse iteration have 1e-12 by rounding.
+            found = sizes.iter().filter(|size| **size <= (1e-12 * KEPT).sqrt() * largest).count();
+            let (dropped, kept) = sizes.split_at(found);
+            // The minimum and the maximum with a NaN are those of the other number.
+            gap = [kept.iter().copied().fold(f64::NAN, f64::min), dropped.iter().copied().fold(f64::NAN, f64::max)];
             decided =
                 complete && (found == d || gap[0] >= KEPT * largest) && (gap[1].is_nan() || gap[1] <= 1e-10 * largest);
             let edge = search.edge.filter(|edge| pairs.iter().filter(|pair| pair.value < *edge).count() <= found);
@@ -333,20 +319,16 @@ impl Directions<'_> {
 
     /// Whether tensions stiffen all motions of a set: those at hand, or else the only state of self-stress, where these states are known.
     fn prestress_stable(&self, motions: &[Vec<f64>], stresses: Option<&Vec<Vec<f64>>>) -> Option<bool> {
-        let tension = |spring: &crate::spring::Spring, at| spring.stiffness * spring.strain(at);
-        let tensions: Vec<f64> =
-            self.geometry.springs(self.system).map(|((_, _, spring), at)| tension(spring, at)).collect();
-        let stiffest =
-            self.geometry.springs(self.system).map(|((_, _, spring), _)| spring.stiffness).fold(0.0, f64::max);
-        let strained = tensions.iter().any(|tension| tension.abs() > 1e-9 * stiffest);
-        if strained {
+        let springs = || self.geometry.springs(self.system);
+        let tensions: Vec<f64> = springs().map(|((.., spring), at)| spring.stiffness * spring.strain(at)).collect();
+        let stiffest = springs().map(|((.., spring), _)| spring.stiffness).fold(0.0, f64::max);
+        if tensions.iter().any(|tension| tension.abs() > 1e-9 * stiffest) {
             return Some(self.stiffens(&tensions, motions));
         }
         match stresses?.as_slice() {
             [] => Some(false),
             [stress] => Some([1.0, -1.0].iter().any(|sign| {
-                let springs = self.geometry.springs(self.system);
-                let tensions: Vec<f64> = springs.map(|((number, ..), _)| sign * stress[number]).collect();
+                let tensions: Vec<f64> = springs().map(|((number, ..), _)| sign * stress[number]).collect();
                 self.stiffens(&tensions, motions)
             })),
             _ => None,
@@ -419,17 +401,11 @@ fn localised(motions: &[Vec<f64>], rigid: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut kept = Vec::new();
     for step in 0..all.len() {
         let candidates = || open.iter().copied().filter(|&k| step >= rigid.len() || k < rigid.len());
-        let largest = |k: usize| {
-            all[k]
-                .iter()
-                .enumerate()
-                .fold((0, 0.0f64), |best, (row, u)| if u.abs() > 1.000_001 * best.1 { (row, u.abs()) } else { best })
-        };
-        let Some((k, (row, size))) =
-            candidates().map(|k| (k, largest(k))).reduce(|a, b| if b.1.1 > 1.000_001 * a.1.1 { b } else { a })
-        else {
-            break;
-        };
+        // Of those that are equal but for rounding the first.
+        let larger = |a: (usize, f64), b: (usize, f64)| if b.1 > 1.000_001 * a.1 { b } else { a };
+        let largest = |k: usize| all[k].iter().map(|u| u.abs()).enumerate().fold((0, 0.0), larger);
+        let Some((k, _)) = candidates().map(|k| (k, largest(k).1)).reduce(larger) else { break };
+        let (row, size) = largest(k);
         // What is left of vectors that depend on those before is rounding.
         if size < 1e-7 {
             break;
@@ -453,21 +429,17 @@ fn localised(motions: &[Vec<f64>], rigid: &[Vec<f64>]) -> Vec<Vec<f64>> {
 }
 
 fn movers(dofs: &DofMap, motion: &[f64]) -> Vec<usize> {
-    let largest = motion.iter().fold(0.0f64, |largest, u| largest.max(u.abs()));
-    (0..dofs.particles()).filter(|&p| dofs.get(motion, p).amax() > MOVES * largest).collect()
+    let largest = largest(motion);
+    (0..dofs.particles()).filter(|&p| dofs.get(motion, p).amax() > 1e-6 * largest).collect()
 }
 
-/// Pairs in which a greedy choice looks for springs.
-const CANDIDATES: usize = 400;
-
-/// Springs that take mechanisms away one by one: each between the pair whose length changes fastest under what is left.
+/// Springs that take mechanisms away one by one: each between the pair whose length changes fastest under what is left, of the first 400 particles.
 fn added_springs(system: &System, state: &State, mut motions: Vec<Vec<f64>>, movers: &[Vec<usize>]) -> Vec<[usize; 2]> {
     let mut members: Vec<usize> = movers.concat();
-    let neighbours: Vec<usize> = system.pairs().iter().flatten().map(|&p| p as usize).collect();
-    members.extend(neighbours);
+    members.extend(system.pairs().iter().flatten().map(|&p| p as usize));
     members.sort_unstable();
     members.dedup();
-    members.truncate(CANDIDATES);
+    members.truncate(400);
     let dofs = system.dofs();
     let joined: std::collections::HashSet<[usize; 2]> =
         system.pairs().iter().map(|&[i, j]| [i.min(j) as usize, i.max(j) as usize]).collect();

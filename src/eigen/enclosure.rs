@@ -77,8 +77,8 @@ impl Clusters<'_> {
 
     /// The bound for a cluster, from the sum of the squares of its residuals.
     fn radius(&self, range: &Range<usize>, square: f64) -> f64 {
-        let defect =
-            self.defects[range.clone()].iter().fold(0.0, |largest, d| if *d <= largest { largest } else { *d });
+        let larger = |largest: f64, d: &f64| if *d <= largest { largest } else { *d };
+        let defect = self.defects[range.clone()].iter().fold(0.0, larger);
         // Sums, roots and quotients of positive numbers, rounded up.
         let up = 1.0 + gamma(4 * range.len() + 20);
         let radius = (square / (1.0 - defect * up)).sqrt() * up;

@@ -34,10 +34,6 @@ use faer::{Mat, Par};
 /// The least distance of a shift from an end, relative to ‖A‖: nearer, the largest θ would drown the others in rounding.
 const NEAR_ZERO: f64 = 1e-6;
 
-/// The largest order at which a search gives way to a dense decomposition, where it is for many eigenvalues and for more than an eighth of all.
-const DENSE: usize = 1500;
-const MANY: usize = 64;
-
 /// A and the diagonal of M (`None` for the identity).
 #[derive(Clone, Copy)]
 pub(crate) struct Pencil<'a> {
@@ -151,21 +147,11 @@ pub(crate) struct ShiftInvert<'a> {
 
 impl<'a> ShiftInvert<'a> {
     pub fn new(pencil: Pencil<'a>, factorization: &'a mut Ldlt, work: &'a mut Work) -> Self {
-        let within = [f64::NEG_INFINITY, f64::INFINITY];
+        let (within, count_error) = ([f64::NEG_INFINITY, f64::INFINITY], f64::INFINITY);
         // A matrix of zeros has no scale of its own.
         let norm = Some(pencil.norm()).filter(|norm| *norm != 0.0).unwrap_or(1.0);
-        let count_error = f64::INFINITY;
-        Self {
-            pencil,
-            factorization,
-            work,
-            norm,
-            known: Vec::new(),
-            within,
-            is_factored: false,
-            edge: None,
-            count_error,
-        }
+        let (known, is_factored, edge) = (Vec::new(), false, None);
+        Self { pencil, factorization, work, norm, known, within, is_factored, edge, count_error }
     }
 
     fn order(&self) -> usize {
@@ -202,15 +188,13 @@ impl<'a> ShiftInvert<'a> {
             }
             due = count.map(|count| (edge, count.min(wanted)));
             let mut distance = (0.0625 * (first - shift).abs()).max(2.0 * offset).max(NEAR_ZERO * self.norm);
-            loop {
-                shift = first - distance;
-                if self.is_floor(shift) {
-                    break;
-                }
+            shift = first - distance;
+            while !self.is_floor(shift) {
                 distance *= 2.0;
                 if distance > 8.0 * self.norm || distance.is_nan() {
                     return pairs;
                 }
+                shift = first - distance;
             }
         }
         pairs
@@ -224,11 +208,11 @@ impl<'a> ShiftInvert<'a> {
         let (mut value, mut distance) = (of_recurrence(1e-7), Accuracy::CERTIFIED.edge[0] * norm);
         let mut is_rough = true;
         while self.below(value + distance) != Some(n) {
-            match is_rough {
-                true => value = of_recurrence(1e-10),
-                false => distance *= 2.0,
+            if std::mem::take(&mut is_rough) {
+                value = of_recurrence(1e-10);
+            } else {
+                distance *= 2.0;
             }
-            is_rough = false;
             if distance > 8.0 * norm || !value.is_finite() {
                 return f64::NAN;
             }
@@ -333,7 +317,8 @@ impl<'a> ShiftInvert<'a> {
         before: &[Eigenpair],
         due: Option<(f64, usize)>,
     ) -> Vec<Eigenpair> {
-        let is_dense = end == End::Lowest && self.order() <= DENSE && wanted > MANY && 8 * wanted > self.order();
+        // A search for very many eigenvalues, and for a large part of all, spans much of the space anyway.
+        let is_dense = end == End::Lowest && self.order() <= 1500 && wanted > 64 && 8 * wanted > self.order();
         if let Some(pairs) = is_dense.then(|| dense(&self.pencil, wanted)).flatten() {
             return pairs;
         }
@@ -380,7 +365,7 @@ impl<'a> ShiftInvert<'a> {
     }
 }
 
-/// The lowest pairs by a dense decomposition of `M^{-1/2} A M^{-1/2}`, where a search would span much of the space anyway.
+/// The lowest pairs by a dense decomposition of `M^{-1/2} A M^{-1/2}`.
 fn dense(pencil: &Pencil<'_>, wanted: usize) -> Option<Vec<Eigenpair>> {
     let n = pencil.a.order();
     // Two matrices, and as much again to work in.

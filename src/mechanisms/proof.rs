@@ -127,11 +127,9 @@ pub(super) fn largest_rank(system: &System, state: &State) -> usize {
         }
     }
     let coordinates = |body: &Body| body.particles.iter().map(|&p| system.dofs().rows(p).len()).sum::<usize>();
-    let most = bodies
-        .iter()
-        .zip(springs)
-        .map(|(body, springs)| springs.min(coordinates(body) - rigid_motions_at_least(system, state, body)));
-    most.sum()
+    let most =
+        |(body, springs): (&Body, usize)| springs.min(coordinates(body) - rigid_motions_at_least(system, state, body));
+    bodies.iter().zip(springs).map(most).sum()
 }
 
 /// Rigid motions that a body surely has: none where anything is held, else the dimension of the motions of its points, by a cross product
@@ -143,12 +141,8 @@ fn rigid_motions_at_least(system: &System, state: &State, body: &Body) -> usize 
         return 0;
     }
     let arms = || body.particles.iter().map(|&p| state.positions[p] - state.positions[body.particles[0]]);
-    let longest = arms().fold(
-        Vector3::zeros(),
-        |longest: Vector3<f64>, arm| {
-            if arm.norm() > longest.norm() { arm } else { longest }
-        },
-    );
+    let longer = |longest: Vector3<f64>, arm: Vector3<f64>| if arm.norm() > longest.norm() { arm } else { longest };
+    let longest = arms().fold(Vector3::zeros(), longer);
     let is_across = |arm: Vector3<f64>| arm.cross(&longest).norm() > 1e-14 * arm.norm() * longest.norm();
     match dimension {
         3 if arms().any(is_across) => 6,
