@@ -1,7 +1,7 @@
 //! Static equilibria, found as minima of the potential energy, and load paths through them.
 //!
-//! [`equilibrium`] searches downhill from a state; [`load_path`] follows the equilibrium as gravity and loads grow from zero. Both solve, on
-//! the free coordinates and for a load factor λ (1 by default),
+//! [`equilibrium`] searches downhill from a state; [`load_path`] follows the equilibrium as gravity and loads grow from zero. Both solve, on the free
+//! coordinates and for a load factor λ (1 by default),
 //!
 //! ```text
 //! f_el(x) + λ (M g + f_ext) = 0,      E(x) = Σ ½ k (l − l0)²/l0 − λ Σ (m g + f)·x.
@@ -114,8 +114,8 @@ pub struct Equilibrium {
     pub iterations: usize,
     /// Of −K at the end.
     pub inertia: Signs,
-    /// Whether the inertia was counted, by a factorization. Where that would take too long or too much memory, the lowest eigenvalues that a search finds
-    /// stand for it.
+    /// Whether the inertia was counted, by a factorization. Where that would take too long or too much memory, the lowest eigenvalues that a search
+    /// finds stand for it.
     pub counted: bool,
     /// The lowest eigenvalue of −K with its direction over the free degrees of freedom, where that is not positive.
     pub lowest: Option<(f64, Vec<f64>)>,
@@ -188,8 +188,8 @@ fn loads(system: &System, state: &State, factor: f64) -> Vec<Vector3<f64>> {
 }
 
 impl Equilibrium {
-    /// The derivatives of a cost by parameters, from its derivatives `∂J/∂x` by the positions at the equilibrium. Of positions, those of held coordinates
-    /// count; damping and velocities are zero.
+    /// The derivatives of a cost by parameters, from its derivatives `∂J/∂x` by the positions at the equilibrium. Of positions, those of held
+    /// coordinates count; damping and velocities are zero.
     ///
     /// # Errors
     /// An end that is no isolated equilibrium: −K is singular there; springs with a law of the caller's own; vectors of another length.

@@ -6,20 +6,21 @@
 //! M (x' − x̃ − τ ṽ)/τ² = F(x', w),      w = v' = (x' − x̃)/τ,
 //! ```
 //!
-//! and three methods are made of it: backward Euler itself; BDF2, with `x̃ = x + β (x − x₋)`, `ṽ = v + β (v − v₋)`; and the implicit midpoint rule, a core
-//! step of half the length with `x' = 2x_m − x`, `v' = 2v_m − v`. With cotangents x̄', v̄' of its result and `J = M/τ² − K − G/τ − D`, `D = ∂f_d/∂x`,
+//! and three methods are made of it: backward Euler itself; BDF2, with `x̃ = x + β (x − x₋)`, `ṽ = v + β (v − v₋)`; and the implicit midpoint rule, a
+//! core step of half the length with `x' = 2x_m − x`, `v' = 2v_m − v`. With cotangents x̄', v̄' of its result and `J = M/τ² − K − G/τ − D`,
+//! `D = ∂f_d/∂x`,
 //!
 //! ```text
 //! Jᵀ λ = x̄' + v̄'/τ,    x̃bar = −v̄'/τ + (M/τ² − G/τ) λ,    ṽbar = M λ/τ,    p̄ += (∂F/∂p)ᵀ λ,    m̄ += −λ·(x' − x̃ − τṽ)/τ².
 //! ```
 //!
-//! J is the exact Jacobian, whatever matrix solved the step. Damping makes it unsymmetric: the factor of its symmetric part is refined with D, and where
-//! that does not converge J is factored as L U.
+//! J is the exact Jacobian, whatever matrix solved the step. Damping makes it unsymmetric: the factor of its symmetric part is refined with D, and
+//! where that does not converge J is factored as L U.
 //!
 //! **Verlet's method** needs products only; its acceleration is carried from step to step, and so is its cotangent.
 //!
-//! **Memory.** All states are kept where they fit. Beyond, checkpoints are set by binomial bisection (Griewank and Walther, ACM TOMS 26, 2000), and states
-//! between them computed again, to the same bits.
+//! **Memory.** All states are kept where they fit. Beyond, checkpoints are set by binomial bisection (Griewank and Walther, ACM TOMS 26, 2000), and
+//! states between them computed again, to the same bits.
 
 mod jacobian;
 mod parameters;
@@ -104,8 +105,8 @@ struct Record {
 }
 
 impl<'s> DifferentiableRun<'s> {
-    /// Runs for `duration` seconds with steps of dt, the last one shorter where dt does not divide the duration, and keeps as many states as fit in half
-    /// of the memory.
+    /// Runs for `duration` seconds with steps of dt, the last one shorter where dt does not divide the duration, and keeps as many states as fit in
+    /// half of the memory.
     ///
     /// # Errors
     /// A method without an adjoint; a spring law or forces of the caller's own; steps or a duration that cannot be used; a state of another system; a
@@ -114,8 +115,8 @@ impl<'s> DifferentiableRun<'s> {
         Self::interruptible(system, state, method, [dt, duration], None, Interrupt::NEVER)
     }
 
-    /// As [`new`](Self::new), with room for a number of states or as many as fit; a request to stop ends the run, and later its gradients
-    /// and tangents, at the next step.
+    /// As [`new`](Self::new), with room for a number of states or as many as fit; a request to stop ends the run, and later its gradients and
+    /// tangents, at the next step.
     ///
     /// # Errors
     /// As of [`new`](Self::new); room for fewer than two states; [`Error::Breakdown`] with the status `interrupted`.
@@ -204,8 +205,8 @@ impl<'s> DifferentiableRun<'s> {
         self.records.iter().map(|record| &record.state)
     }
 
-    /// The time, in s, from which a gradient says little, because the motion magnifies differences to its own size; `None` where that is later than the
-    /// end. Found by a run of the same method with its errors propagated.
+    /// The time, in s, from which a gradient says little, because the motion magnifies differences to its own size; `None` where that is later than
+    /// the end. Found by a run of the same method with its errors propagated.
     ///
     /// # Errors
     /// As of [`Simulation::run`].
@@ -247,8 +248,8 @@ impl<'s> DifferentiableRun<'s> {
         reverse.finish(&self.records[0])
     }
 
-    /// How the states after some steps change, to first order, with each of several changes of parameters: forward differentiation. The changes share the
-    /// factorization of every step.
+    /// How the states after some steps change, to first order, with each of several changes of parameters: forward differentiation. The changes share
+    /// the factorization of every step.
     ///
     /// # Errors
     /// Parameters of another system; a step whose Jacobian is singular; a step that there is not, or steps that do not ascend.

@@ -1,21 +1,22 @@
 //! Mechanisms and states of self-stress: the rank of the springs' directions.
 //!
-//! B has a row for every spring, n on the coordinates of one end and −n on those of the other, over the free degrees of freedom. `B u` is how fast lengths
-//! change when particles move by u, and `Bᵀ t` the forces of tensions t. With s springs, d degrees of freedom and rank r there are
+//! B has a row for every spring, n on the coordinates of one end and −n on those of the other, over the free degrees of freedom. `B u` is how fast
+//! lengths change when particles move by u, and `Bᵀ t` the forces of tensions t. With s springs, d degrees of freedom and rank r there are
 //!
 //! ```text
 //! d − r mechanisms, B u = 0 (rigid motions among them),      s − r states of self-stress, Bᵀ t = 0      (Calladine 1978)
 //! ```
 //!
-//! A spring of zero length, which has no rest length, has the stiffness κ I: it resists in every direction and has a row for every axis, so that it counts
-//! as one spring in s for each.
+//! A spring of zero length, which has no rest length, has the stiffness κ I: it resists in every direction and has a row for every axis, so that it
+//! counts as one spring in s for each.
 //!
 //! **Rank.** A singular value is zero up to rounding, and not zero from 1e-9 of the largest on; one between the two leaves the rank undecided. Small
-//! scenes are decomposed densely. Of large ones `BᵀB` is factored: the signs of the pivots of `BᵀB − τ` count the singular values below √τ, and inverse
-//! iteration finds the mechanisms. With all rounding errors bounded the gap, and in many scenes the rank, is a theorem (`mechanisms/proof.rs`).
+//! scenes are decomposed densely. Of large ones `BᵀB` is factored: the signs of the pivots of `BᵀB − τ` count the singular values below √τ, and
+//! inverse iteration finds the mechanisms. With all rounding errors bounded the gap, and in many scenes the rank, is a theorem
+//! (`mechanisms/proof.rs`).
 //!
-//! **Prestress.** A mechanism has no stiffness but that of tensions, `uᵀ(−K)u = Σ (T/l) |(I − nnᵀ)(uᵢ − uⱼ)|²`. Where that is positive for all mechanisms
-//! but rigid motions, prestress makes the structure stiff (Calladine and Pellegrino 1991).
+//! **Prestress.** A mechanism has no stiffness but that of tensions, `uᵀ(−K)u = Σ (T/l) |(I − nnᵀ)(uᵢ − uⱼ)|²`. Where that is positive for all
+//! mechanisms but rigid motions, prestress makes the structure stiff (Calladine and Pellegrino 1991).
 
 mod proof;
 
@@ -65,11 +66,11 @@ pub struct Mechanisms {
     pub proven: bool,
     /// Bounds of the gap with all rounding errors, no wider than `gap`: 0 and infinity where nothing is proven, NaN where there are no such values.
     pub proven_gap: [f64; 2],
-    /// The rank is r in exact arithmetic: it is at least r, proven, and at most r, because there are no more springs, or no more
-    /// coordinates beside rigid motions, in any body. No computation proves that other singular values are zero.
+    /// The rank is r in exact arithmetic: it is at least r, proven, and at most r, because there are no more springs, or no more coordinates beside
+    /// rigid motions, in any body. No computation proves that other singular values are zero.
     pub rank_is_exact: bool,
-    /// Whether prestress stiffens every mechanism that is not a rigid motion: by the tensions at hand, or, where nothing is strained, by the only state
-    /// of self-stress. `None` without such mechanisms, or where there are several states to choose from.
+    /// Whether prestress stiffens every mechanism that is not a rigid motion: by the tensions at hand, or, where nothing is strained, by the only
+    /// state of self-stress. `None` without such mechanisms, or where there are several states to choose from.
     pub prestress_stable: Option<bool>,
     /// A basis of the mechanisms beside rigid motions, over the free degrees of freedom, as local as elimination makes it; fewer than all in large
     /// scenes with very many.
@@ -81,8 +82,8 @@ pub struct Mechanisms {
     /// component is in its place, and the others follow behind all springs.
     #[serde(skip)]
     pub self_stress: Vec<Vec<f64>>,
-    /// Pairs of particles between which springs remove mechanisms, chosen greedily. At least as many springs are needed as there are mechanisms beside
-    /// rigid motions, so that a list of that length is a smallest one; it is shorter where no spring helps.
+    /// Pairs of particles between which springs remove mechanisms, chosen greedily. At least as many springs are needed as there are mechanisms
+    /// beside rigid motions, so that a list of that length is a smallest one; it is shorter where no spring helps.
     pub added_springs: Vec<[usize; 2]>,
     #[serde(skip)]
     dofs: DofMap,
@@ -393,8 +394,9 @@ fn without(vectors: &[Vec<f64>], basis: &[Vec<f64>]) -> Vec<Vec<f64>> {
     kept.map(|k| combination(&rest, eigenvectors.column(k))).collect()
 }
 
-/// The same space beside rigid motions with vectors as local as elimination makes them. Rigid motions are eliminated first, each by a coordinate at which
-/// it is largest, so that the others are relative to a body that is held there; then every vector from all others at its own largest coordinate.
+/// The same space beside rigid motions with vectors as local as elimination makes them. Rigid motions are eliminated first, each by a coordinate at
+/// which it is largest, so that the others are relative to a body that is held there; then every vector from all others at its own largest
+/// coordinate.
 fn localised(motions: &[Vec<f64>], rigid: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut all: Vec<Vec<f64>> = rigid.iter().chain(motions).cloned().collect();
     let mut open: Vec<usize> = (0..all.len()).collect();

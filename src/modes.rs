@@ -8,13 +8,13 @@
 //!
 //! **Counted.** By Sylvester's law `−K − σM = L D Lᵀ` has as many negative pivots as there are ω² < σ. With σ just below the last mode reported, that
 //! number proves that none is missing. Each ω² is enclosed by the residual of its mode, `‖M^{-1/2}(−Kφ − ω²Mφ)‖` (Parlett, The Symmetric Eigenvalue
-//! Problem, 15.9). With all rounding errors of residuals and of the count bounded (`eigen/enclosure.rs`, `linear/certificate.rs`) count and enclosures
-//! are theorems about the stored K and M.
+//! Problem, 15.9). With all rounding errors of residuals and of the count bounded (`eigen/enclosure.rs`, `linear/certificate.rs`) count and
+//! enclosures are theorems about the stored K and M.
 //!
 //! **Zero modes.** Rigid motions of a body that nothing strains or holds, and mechanisms, have ω² = 0 up to rounding of K. The search starts from the
-//! rigid motions, which are known. An eigenvalue within rounding of zero counts as zero: rounding of sums, relative to ‖M⁻¹K‖, and that of positions, which
-//! leaves springs strained that are at rest. The gap to the next one is reported. Where all modes asked for grow, zero modes lie above them: their number is
-//! then that of the eigenvalues between two shifts on both sides of zero.
+//! rigid motions, which are known. An eigenvalue within rounding of zero counts as zero: rounding of sums, relative to ‖M⁻¹K‖, and that of positions,
+//! which leaves springs strained that are at rest. The gap to the next one is reported. Where all modes asked for grow, zero modes lie above them:
+//! their number is then that of the eigenvalues between two shifts on both sides of zero.
 //!
 //! **Damping.** `φᵀ(−G)φ/(2ω)`, exact where modes diagonalise G.
 
@@ -94,9 +94,9 @@ pub struct Modes {
     pub gap: [f64; 2],
     /// Whether the number of eigenvalues below `counted_below` proves that no mode is missing.
     pub complete: bool,
-    /// Whether that number is a theorem about the stored matrices: with a rigorous bound of the rounding errors of the count, the intervals
-    /// that [`Mode::error_bound`] gives hold as many eigenvalues as there are modes below a shift, and no more lie below it. Otherwise the count
-    /// holds to rounding.
+    /// Whether that number is a theorem about the stored matrices: with a rigorous bound of the rounding errors of the count, the intervals that
+    /// [`Mode::error_bound`] gives hold as many eigenvalues as there are modes below a shift, and no more lie below it. Otherwise the count holds to
+    /// rounding.
     pub proven: bool,
     /// A shift just below the last mode, in 1/s².
     pub counted_below: f64,
@@ -258,7 +258,8 @@ fn counted(
     Ok(Found { pairs, bounds, complete, proven, counted_below, zeros_above })
 }
 
-/// The number of eigenvalues within rounding of zero, where as many lie within a thousand times that: otherwise not all of them can be told from others.
+/// The number of eigenvalues within rounding of zero, where as many lie within a thousand times that: otherwise not all of them can be told from
+/// others.
 fn zeros_counted(search: &mut ShiftInvert<'_>, rounding: &Rounding<'_>, rigid_motions: usize) -> Option<usize> {
     let narrow = rounding.of_sums.max(rounding.of_positions_at_most());
     let [zeros, nearly] = [narrow, 1e3 * narrow].map(|band| search.below(band)?.checked_sub(search.below(-band)?));
@@ -306,8 +307,8 @@ impl Rounding<'_> {
         self.transverse().map(|([i, j], size)| size * (dofs.get(vector, i) - dofs.get(vector, j)).norm_squared()).sum()
     }
 
-    /// The largest [`of_positions`](Self::of_positions) that a vector with `uᵀMu = 1` can have: as `|uᵢ − uⱼ|² ≤ 2 |uᵢ|² + 2 |uⱼ|²`, twice the largest sum
-    /// of `κ δ/l` at a particle over its mass.
+    /// The largest [`of_positions`](Self::of_positions) that a vector with `uᵀMu = 1` can have: as `|uᵢ − uⱼ|² ≤ 2 |uᵢ|² + 2 |uⱼ|²`, twice the
+    /// largest sum of `κ δ/l` at a particle over its mass.
     fn of_positions_at_most(&self) -> f64 {
         let sums = sums_at_ends(self.system, self.transverse());
         let free = self.system.masses().iter().enumerate().filter(|(p, _)| !self.system.dofs().rows(*p).is_empty());
@@ -324,8 +325,8 @@ impl Rounding<'_> {
     }
 }
 
-/// The lowest pairs by products and multigrid, without a factorization and without a count: Davidson's method on `M⁻¹A`, preconditioned with multigrid for
-/// `A + sM`, s small against ‖M⁻¹A‖, under option *tension* where A is not positive definite.
+/// The lowest pairs by products and multigrid, without a factorization and without a count: Davidson's method on `M⁻¹A`, preconditioned with
+/// multigrid for `A + sM`, s small against ‖M⁻¹A‖, under option *tension* where A is not positive definite.
 pub(crate) fn uncounted(
     system: &System,
     state: &State,
@@ -501,8 +502,8 @@ impl Modes {
         Ok(StateSpace { a, b, c })
     }
 
-    /// The displacements, in m, that a force `Re(f e^{iωt})` on the free degrees of freedom drives, as complex amplitudes: `x = Φ (Ω² − ω² − iω ΦᵀGΦ)⁻¹ Φᵀ f`
-    /// by the modes found. One vector for each frequency in Hz.
+    /// The displacements, in m, that a force `Re(f e^{iωt})` on the free degrees of freedom drives, as complex amplitudes:
+    /// `x = Φ (Ω² − ω² − iω ΦᵀGΦ)⁻¹ Φᵀ f` by the modes found. One vector for each frequency in Hz.
     ///
     /// # Errors
     /// A force whose length is not the number of degrees of freedom; a frequency at which an undamped mode resonates.

@@ -6,18 +6,17 @@
 //! (A − σM)⁻¹ M φ = θ φ,      λ = σ + 1/θ,
 //! ```
 //!
-//! that are largest belong to the lowest λ and are far apart, so [`BlockLanczos`] finds them in a few blocks, with one solve a vector
-//! (Ericsson and Ruhe, Math. Comput. 35, 1980). `A − σM = L D Lᵀ` has as many negative pivots as there are eigenvalues below σ
-//! (Sylvester), which proves
+//! that are largest belong to the lowest λ and are far apart, so [`BlockLanczos`] finds them in a few blocks, with one solve a vector (Ericsson and
+//! Ruhe, Math. Comput. 35, 1980). `A − σM = L D Lᵀ` has as many negative pivots as there are eigenvalues below σ (Sylvester), which proves
 //!
 //! - that σ lies below the spectrum, or above it: none or all of them are negative;
-//! - that the k eigenvalues found are the lowest ones: as many lie below a shift τ just below the last of them as were found there.
-//!   Where there are more, the search goes on from its pairs and random vectors, with σ moved nearer (Grimes, Lewis and Simon 1994).
+//! - that the k eigenvalues found are the lowest ones: as many lie below a shift τ just below the last of them as were found there. Where there are
+//!   more, the search goes on from its pairs and random vectors, with σ moved nearer (Grimes, Lewis and Simon 1994).
 //!
 //! Eigenvalues that agree to the distance of τ are not told apart.
 //!
-//! A rigorous bound ε of the rounding errors in `L D Lᵀ` (`linear/certificate.rs`) makes the count a theorem about the stored pencil: at
-//! most as many eigenvalues as there are negative pivots lie below `σ − ε`, and at least as many below `σ + ε`.
+//! A rigorous bound ε of the rounding errors in `L D Lᵀ` (`linear/certificate.rs`) makes the count a theorem about the stored pencil: at most as many
+//! eigenvalues as there are negative pivots lie below `σ − ε`, and at least as many below `σ + ε`.
 
 use super::{BlockLanczos, Eigenpair, End, Ritz, Search, Tolerance, largest, probe};
 use crate::assembly::SymmetricMatrix;
@@ -72,8 +71,8 @@ pub(crate) struct Accuracy {
 impl Accuracy {
     /// Full precision, vectors too.
     pub const FULL: Self = Self { tolerance: Tolerance { of_value: 1e-9, of_norm: 1e-13 }, edge: [1e-9, 1e-6] };
-    /// A value certified to half a millionth of ‖A‖ and a thousandth of itself; the error of a Rayleigh quotient is of the order of the
-    /// square of the tolerance.
+    /// A value certified to half a millionth of ‖A‖ and a thousandth of itself; the error of a Rayleigh quotient is of the order of the square of the
+    /// tolerance.
     pub const CERTIFIED: Self = Self { tolerance: RESOLVED, edge: [5e-7, 1e-3] };
 }
 
@@ -88,8 +87,8 @@ pub struct Lowest {
     pub counted_below: f64,
 }
 
-/// The `count` lowest eigenpairs of `A φ = λ M φ`, M given by its diagonal (the identity where it is `None`), each multiple eigenvalue as
-/// often as it occurs.
+/// The `count` lowest eigenpairs of `A φ = λ M φ`, M given by its diagonal (the identity where it is `None`), each multiple eigenvalue as often as it
+/// occurs.
 ///
 /// # Errors
 /// Masses that are not as many as A has rows or not positive; a matrix that is too large to factor.
@@ -223,8 +222,8 @@ impl<'a> ShiftInvert<'a> {
 
     /// The eigenvalue nearest to zero; zero where nothing can be factored.
     ///
-    /// A pivot of an indefinite A may almost vanish though no eigenvalue does, which spoils the solves: the residual of the pair tells. The
-    /// pivots of `A − σ` do not vanish in the same place; σ is the root of the rounding error, at the cost of half of the digits.
+    /// A pivot of an indefinite A may almost vanish though no eigenvalue does, which spoils the solves: the residual of the pair tells. The pivots of
+    /// `A − σ` do not vanish in the same place; σ is the root of the rounding error, at the cost of half of the digits.
     pub fn nearest_to_zero(&mut self) -> f64 {
         let mut best: Option<Eigenpair> = None;
         for shift in [0.0, 1e-8 * self.norm, -1e-8 * self.norm] {
@@ -306,8 +305,8 @@ impl<'a> ShiftInvert<'a> {
         None
     }
 
-    /// The pairs nearest to σ, above it or on both sides, ascending or nearest to zero first, with the factor of `A − σM` and from pairs
-    /// found before. Random vectors join as long as there are fewer pairs, or fewer below an edge than are due.
+    /// The pairs nearest to σ, above it or on both sides, ascending or nearest to zero first, with the factor of `A − σM` and from pairs found
+    /// before. Random vectors join as long as there are fewer pairs, or fewer below an edge than are due.
     fn search(
         &mut self,
         end: End,

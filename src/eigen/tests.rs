@@ -57,8 +57,8 @@ fn outermost_eigenvalues_of_a_diagonal() {
     }
 }
 
-/// A diagonal of wide range, with a preconditioner that knows it to a factor of two: the first eigenvalues, one of them double, in a few
-/// steps; a range of 10⁶ without any would take hundreds.
+/// A diagonal of wide range, with a preconditioner that knows it to a factor of two: the first eigenvalues, one of them double, in a few steps; a
+/// range of 10⁶ without any would take hundreds.
 #[test]
 fn preconditioned_residuals_lead_to_the_low_end() {
     let n = 500;
@@ -119,8 +119,8 @@ fn nothing_is_no_direction() {
     }
 }
 
-/// A chain, whose eigenvalues are known: Ritz values lie inside the spectrum, within their residuals of an end or of another eigenvalue, and are exact from
-/// all of the space. What is not finite has no ends.
+/// A chain, whose eigenvalues are known: Ritz values lie inside the spectrum, within their residuals of an end or of another eigenvalue, and are
+/// exact from all of the space. What is not finite has no ends.
 #[test]
 fn probes_come_near_both_ends() {
     let n = 40;
@@ -144,8 +144,8 @@ fn probes_come_near_both_ends() {
     assert!(probe(0, None, 3, &mut |_: &[f64], _: &mut [f64]| ()).is_none());
 }
 
-/// The largest eigenvalue of a chain, of random diagonals with gaps from wide to none, and of a multiple of the identity, from below and as near
-/// as the residual and the gap promise; the recurrence goes on without harm after the value has converged.
+/// The largest eigenvalue of a chain, of random diagonals with gaps from wide to none, and of a multiple of the identity, from below and as near as
+/// the residual and the gap promise; the recurrence goes on without harm after the value has converged.
 #[test]
 fn the_largest_eigenvalue_comes_from_three_terms() {
     let n = 400;
@@ -186,8 +186,8 @@ fn pencil(rng: &mut Xoshiro256PlusPlus, values: &[f64]) -> (SymmetricMatrix, Vec
     (banded(n / 3, n, entry), masses)
 }
 
-/// Random pencils, with zero eigenvalues and multiple ones, more than a block at a time too, against the eigenvalues of the dense matrix: none is missed,
-/// each is as near as its residual says, and the vectors are orthonormal.
+/// Random pencils, with zero eigenvalues and multiple ones, more than a block at a time too, against the eigenvalues of the dense matrix: none is
+/// missed, each is as near as its residual says, and the vectors are orthonormal.
 #[test]
 fn no_eigenvalue_of_a_random_pencil_is_missed() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);

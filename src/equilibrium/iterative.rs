@@ -6,8 +6,8 @@
 //! ‖f + K p‖ ≤ η ‖f‖,      η = min(0.1, √(largest force left / largest force that acts)),
 //! ```
 //!
-//! which keeps the convergence superlinear (Dembo, Eisenstat and Steihaug, SIAM J. Numer. Anal. 19, 1982). Negative curvature tells that −K is not positive
-//! definite. The verdict rests on the lowest eigenvalues of `−K φ = λ M φ` that a preconditioned search finds; they are not counted.
+//! which keeps the convergence superlinear (Dembo, Eisenstat and Steihaug, SIAM J. Numer. Anal. 19, 1982). Negative curvature tells that −K is not
+//! positive definite. The verdict rests on the lowest eigenvalues of `−K φ = λ M φ` that a preconditioned search finds; they are not counted.
 
 use super::Signs;
 use super::search::{NEAR, SINGULAR, Search, Solver};

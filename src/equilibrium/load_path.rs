@@ -8,11 +8,11 @@
 //!
 //! Where motions are free, as those of a slack net without a load, there is no path. It begins under the first load that gives them a direction.
 //!
-//! Behind a limit point the inertia may be what it was before. A step over it agrees with no tangents of the path, however short it is, so that halving
-//! steps that do not agree finds it.
+//! Behind a limit point the inertia may be what it was before. A step over it agrees with no tangents of the path, however short it is, so that
+//! halving steps that do not agree finds it.
 //!
-//! **Linear buckling** estimates the first critical load from a small one: the smallest λ at which `K_a + λ K_g` is singular, K_a the axial stiffness at
-//! rest and K_g the transverse terms of the tensions per unit of load. It neglects how shape and tensions change on the way.
+//! **Linear buckling** estimates the first critical load from a small one: the smallest λ at which `K_a + λ K_g` is singular, K_a the axial stiffness
+//! at rest and K_g the transverse terms of the tensions per unit of load. It neglects how shape and tensions change on the way.
 
 use super::search::SINGULAR;
 use super::{Equilibrium, EquilibriumOptions, Stability, equilibrium, loads};
@@ -73,8 +73,8 @@ pub struct LoadPath {
 /// Width of the interval to which critical factors are located.
 const LOCATED: f64 = 4e-9;
 
-/// The part of a step that the mean of the tangents at its ends may leave over: as much as of an arc of 95°, or of a step that comes seven times nearer to a
-/// limit point.
+/// The part of a step that the mean of the tangents at its ends may leave over: as much as of an arc of 95°, or of a step that comes seven times
+/// nearer to a limit point.
 const TURN: f64 = 0.25;
 
 /// The equilibria of a system from no load to all of gravity and loads in `count` steps, each found from the one before, saddles included.
@@ -150,8 +150,8 @@ impl Path<'_> {
         Ok(matrices.k().scaled(-1.0))
     }
 
-    /// The slope `dx/dλ = (−K)⁻¹ p` of the path on the free degrees of freedom; `None` where −K is singular. Free motions, along which no load acts, are
-    /// shifted off zero.
+    /// The slope `dx/dλ = (−K)⁻¹ p` of the path on the free degrees of freedom; `None` where −K is singular. Free motions, along which no load acts,
+    /// are shifted off zero.
     fn tangent(&self, at: &Equilibrium) -> Result<Option<Vec<f64>>> {
         let mut a = self.stiffness(&at.state, Stiffness::Full)?;
         if at.inertia.zero > 0 {
@@ -167,9 +167,9 @@ impl Path<'_> {
     /// |x₁ − x₀ − ½ (λ₁ − λ₀) (x₀' + x₁')| ≤ TURN |x₁ − x₀|,      (λ₁ − λ₀) |x₁' − x₀'| ≤ |x₁ − x₀|.
     /// ```
     ///
-    /// On a smooth path what is left over the length falls with the square of the step, and the turn of the tangent with the step, so that short enough steps
-    /// agree. A step onto another branch does not become shorter, and agrees with no tangents, however soft the scene is: just below a limit point the
-    /// tangent alone may be as long as the jump, but turns by twice that. Where there is no tangent the inertia alone tells.
+    /// On a smooth path what is left over the length falls with the square of the step, and the turn of the tangent with the step, so that short
+    /// enough steps agree. A step onto another branch does not become shorter, and agrees with no tangents, however soft the scene is: just below a
+    /// limit point the tangent alone may be as long as the jump, but turns by twice that. Where there is no tangent the inertia alone tells.
     fn leads(&self, [low, high]: [f64; 2], from: &Equilibrium, to: &Equilibrium) -> Result<bool> {
         if to.stability == Stability::NotConverged || to.inertia.negative != from.inertia.negative {
             return Ok(false);
@@ -192,8 +192,8 @@ impl Path<'_> {
     fn advance(&self, start: (f64, Equilibrium), target: f64) -> Result<(Option<CriticalLoad>, (f64, Equilibrium))> {
         let factor = start.0;
         let last = self.at(target, &start.1.state)?;
-        // Motions that were free without a load have a direction now: what hangs has fallen, and no equilibrium led there. Under a load a motion without
-        // stiffness is a critical one.
+        // Motions that were free without a load have a direction now: what hangs has fallen, and no equilibrium led there. Under a load a motion
+        // without stiffness is a critical one.
         if factor == 0.0 && last.inertia.zero < start.1.inertia.zero {
             return Ok((None, (target, last)));
         }

@@ -1,15 +1,15 @@
 //! The search for a minimum of the energy.
 //!
-//! **Newton's method** with `−K(x) p = f` and a non-monotone line search on E. Where −K is not positive definite, that step alone is solved with option
-//! *tension*, without the transverse terms of compressed springs, or near an equilibrium with −K shifted.
+//! **Newton's method** with `−K(x) p = f` and a non-monotone line search on E. Where −K is not positive definite, that step alone is solved with
+//! option *tension*, without the transverse terms of compressed springs, or near an equilibrium with −K shifted.
 //!
 //! **Differences of E** are sums of rounding errors near the minimum. There the trapezoidal rule `−½ (f(x) + f(x + p))·p`, exact to third order in p,
 //! has no cancellation and takes over.
 //!
 //! **Large scenes**, whose factor would take too long or too much memory, are searched by conjugate gradients with multigrid (`iterative`).
 //!
-//! **The verdict** is the inertia of −K at the end: negative eigenvalues make a saddle, from which the search goes on along the lowest mode; eigenvalues of
-//! zero leave the scene free to move.
+//! **The verdict** is the inertia of −K at the end: negative eigenvalues make a saddle, from which the search goes on along the lowest mode;
+//! eigenvalues of zero leave the scene free to move.
 
 use super::iterative::Iterative;
 use super::{Equilibrium, EquilibriumOptions, Signs, Stability, loads};
@@ -204,8 +204,8 @@ impl<'s> Search<'s> {
             return false;
         }
         let (start, force, size) = (self.state.positions.clone(), self.force.clone(), self.size());
-        // A long step that turns springs stretches them to second order, which the next step undoes: it has to undercut the largest E of ten
-        // steps (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986).
+        // A long step that turns springs stretches them to second order, which the next step undoes: it has to undercut the largest E of ten steps
+        // (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986).
         self.recent.truncate(9);
         self.recent.push_front(self.energy);
         let highest = self.recent.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -307,8 +307,8 @@ impl<'s> Search<'s> {
         1e-11 * Pencil::of(a).norm() + 10.0 * left / shortest
     }
 
-    /// The direction of the lowest eigenvalue of −K, where that is negative, at an equilibrium or on the way to one, where E falls along it however much
-    /// force is left.
+    /// The direction of the lowest eigenvalue of −K, where that is negative, at an equilibrium or on the way to one, where E falls along it however
+    /// much force is left.
     fn unstable_direction(&mut self, is_at_rest: bool) -> Result<Option<Vec<f64>>> {
         self.lowest = None;
         let a = self.assemble(Stiffness::Full)?;

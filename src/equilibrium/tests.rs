@@ -75,8 +75,8 @@ fn a_hanging_chain_is_stretched_link_by_link() {
     }
 }
 
-/// A weight above or at its hook, on springs and ropes whose problem has a length of its own, in one to three axes: the search passes through the point at
-/// which all lengths are zero, and leaves it where it starts there.
+/// A weight above or at its hook, on springs and ropes whose problem has a length of its own, in one to three axes: the search passes through the
+/// point at which all lengths are zero, and leaves it where it starts there.
 #[test]
 fn weights_pass_through_their_hooks() {
     let (mass, k) = (1.0, 10.0);
@@ -233,7 +233,8 @@ fn bodies_that_nothing_holds_are_named() {
     assert_eq!(find(&system, &state).stability, Stability::Indifferent);
 }
 
-/// Random nets in space, thrown about, hung or free, under both policies: what is called a minimum is one, by a dense eigenvalue solver, and no force is left.
+/// Random nets in space, thrown about, hung or free, under both policies: what is called a minimum is one, by a dense eigenvalue solver, and no force
+/// is left.
 #[test]
 fn minima_are_minima() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(11_2026);
@@ -282,8 +283,8 @@ fn minima_are_minima() {
     }
 }
 
-/// Free tensegrity prisms out of place: on the way −K is hardly indefinite, and regularised steps creep, while more force is left than tells its lowest
-/// eigenvalue from zero.
+/// Free tensegrity prisms out of place: on the way −K is hardly indefinite, and regularised steps creep, while more force is left than tells its
+/// lowest eigenvalue from zero.
 #[test]
 fn searches_do_not_creep_where_little_is_negative() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(17_2026);
@@ -322,8 +323,8 @@ fn searches_do_not_creep_where_little_is_negative() {
     }
 }
 
-/// A free square with stressed diagonals that a loose tolerance leaves out of balance: its rotation is no stiffer than the forces left over lengths, in
-/// millimetres as in kilometres.
+/// A free square with stressed diagonals that a loose tolerance leaves out of balance: its rotation is no stiffer than the forces left over lengths,
+/// in millimetres as in kilometres.
 #[test]
 fn forces_left_hide_a_rotation_at_any_size() {
     for size in [1e-3, 1.0, 1e3] {
@@ -445,8 +446,8 @@ fn searches_do_not_creep_beyond_a_limit_point() {
     assert!(above.state.positions[2].y < -0.3 && above.iterations < 100, "{above:?}");
 }
 
-/// A braced strip of soft springs that snaps onto another branch at a twelfth of its load, within a step of the path whose length suits the tangents: the
-/// critical load is found however long the steps are.
+/// A braced strip of soft springs that snaps onto another branch at a twelfth of its load, within a step of the path whose length suits the tangents:
+/// the critical load is found however long the steps are.
 #[test]
 fn steps_that_end_on_another_branch_hide_no_critical_load() {
     let corners = [-0.03, -0.01, 0.99, -0.01, 0.02, 1.25, 1.03, 1.26, -0.01, 2.63, 1.02, 2.57, 0.05, 3.91, 0.97, 3.9];

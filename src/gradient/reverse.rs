@@ -127,7 +127,8 @@ impl<'r, 's> Reverse<'r, 's> {
         Ok(())
     }
 
-    /// With cotangents of x', v' and a': those of x, v and a, of `v½ = v + ½h a`, `x' = x + h v½`, `v* = v + h a`, `a' = M⁻¹F(x', v*)`, `v' = v½ + ½h a'`.
+    /// With cotangents of x', v' and a': those of x, v and a, of `v½ = v + ½h a`, `x' = x + h v½`, `v* = v + h a`, `a' = M⁻¹F(x', v*)`,
+    /// `v' = v½ + ½h a'`.
     fn verlet(&mut self, step: usize, here: &Record, next: &Record) -> Result<()> {
         let (system, h) = (self.run.system, self.run.steps[step]);
         let predicted = predicted(system, h, here, next);
@@ -184,9 +185,10 @@ impl<'r, 's> Reverse<'r, 's> {
 
 /// Where a sweep over `count` steps with room for some states, the first one included, sets its next checkpoint; at the end where all have room.
 ///
-/// States computed again at most r times each suffice for `N(room, r) = C(room + r, r)` steps, as the steps from the checkpoint on have one state less,
-/// and those before it were passed once: `N(room, r) = N(room − 1, r) + N(room, r − 1)`. With the least such r, as few steps as possible are computed again
-/// wherever the first part has from `N(room, r − 2)` to `N(room, r − 1)` steps and the second from `N(room − 1, r − 1)` to `N(room − 1, r)`.
+/// States computed again at most r times each suffice for `N(room, r) = C(room + r, r)` steps, as the steps from the checkpoint on have one state
+/// less, and those before it were passed once: `N(room, r) = N(room − 1, r) + N(room, r − 1)`. With the least such r, as few steps as possible are
+/// computed again wherever the first part has from `N(room, r − 2)` to `N(room, r − 1)` steps and the second from `N(room − 1, r − 1)` to
+/// `N(room − 1, r)`.
 pub(super) fn split(count: usize, room: usize) -> usize {
     // The last state is at hand and needs no room.
     if count <= room + 1 {

@@ -8,29 +8,27 @@
 //! stable:    μ = 4, γ = 2, C = −2 K_opt + K        so that P = S = 4M/dt² − 2G/dt − 2K_opt + K
 //! ```
 //!
-//! `uᵀP(s)u` grows with s for every u, so the s for which P is positive definite are an interval `(s*, ∞)`, and the largest step
-//! is `dt* = 1/s*`; where C itself is positive semidefinite every step will do.
+//! `uᵀP(s)u` grows with s for every u, so the s for which P is positive definite are an interval `(s*, ∞)`, and the largest step is `dt* = 1/s*`;
+//! where C itself is positive semidefinite every step will do.
 //!
 //! **The matrix S.** Linearised at an equilibrium, a step of linearised backward Euler obeys
-//! `M(x₊ − 2x + x₋)/dt² − G(x₊ − x)/dt − K_opt(x₊ − x) − K x = 0`. With `x₊ = z x`, `x₋ = x/z` and the scalars
-//! `a = uᵀMu/dt²`, `c = −uᵀGu/dt − uᵀK_opt u`, `κ = −uᵀKu` of a mode u this is `(a + c) z² + (κ − c − 2a) z + a = 0`. Both roots
-//! lie in the unit disc (Jury) iff `a + c > 0`, `c ≥ 0`, `κ ≥ 0`, and the polynomial at z = −1 is not negative:
-//! `4a + 2c − κ ≥ 0`, which is `uᵀSu ≥ 0`. Under `Full` c ≥ κ, and under `Tension` the same holds for stretched springs: S adds
-//! nothing. Under `Axial` the stretched springs' transverse modes are left to the old positions, as in symplectic Euler, and S
-//! demands `dt ≤ 2/ω`.
+//! `M(x₊ − 2x + x₋)/dt² − G(x₊ − x)/dt − K_opt(x₊ − x) − K x = 0`. With `x₊ = z x`, `x₋ = x/z` and the scalars `a = uᵀMu/dt²`,
+//! `c = −uᵀGu/dt − uᵀK_opt u`, `κ = −uᵀKu` of a mode u this is `(a + c) z² + (κ − c − 2a) z + a = 0`. Both roots lie in the unit disc (Jury) iff
+//! `a + c > 0`, `c ≥ 0`, `κ ≥ 0`, and the polynomial at z = −1 is not negative: `4a + 2c − κ ≥ 0`, which is `uᵀSu ≥ 0`. Under `Full` c ≥ κ, and under
+//! `Tension` the same holds for stretched springs: S adds nothing. Under `Axial` the stretched springs' transverse modes are left to the old
+//! positions, as in symplectic Euler, and S demands `dt ≤ 2/ω`.
 //!
-//! **An unstable equilibrium** (κ < 0 for some u) has a motion that grows, whatever the method: one root is real and above 1, as it
-//! must be, and S says that the others stay in the disc. This needs A positive definite, so the stable step is never larger than
-//! the definite one. At other states both hold for the motion relative to the trajectory, as long as springs change little.
+//! **An unstable equilibrium** (κ < 0 for some u) has a motion that grows, whatever the method: one root is real and above 1, as it must be, and S
+//! says that the others stay in the disc. This needs A positive definite, so the stable step is never larger than the definite one. At other states
+//! both hold for the motion relative to the trajectory, as long as springs change little.
 //!
-//! **The search.** A factorization `P = L D Lᵀ` with D > 0 proves P definite, to rounding: the oracle. Where it refuses, or where a
-//! vector u with `uᵀP(s)u ≤ 0` is known, P is not definite. Along any u the scalar quadratic `uᵀP(s)u` has a root that is a lower
-//! bound for s*, short of it by the square of the error of u. The first u is the lowest Ritz vector of `M⁻¹C`. From an accepted s₀
-//! on the next is the lowest eigenvector of the pencil (P(s₀), M), by Lanczos with the factor at hand: without damping that is the
-//! null vector of P(s*) for every s₀, with damping this is Newton's iteration for the lowest eigenvalue of a hyperbolic quadratic
-//! pencil. A refused factorization gives `u = L⁻ᵀe_j`, for which `uᵀPu = d_j < 0`. The next trial lies above the bound by the
-//! estimated error of the bound, and no farther than halfway to the accepted s. The interval ends at the oracle's own rounding: a
-//! relative width of `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
+//! **The search.** A factorization `P = L D Lᵀ` with D > 0 proves P definite, to rounding: the oracle. Where it refuses, or where a vector u with
+//! `uᵀP(s)u ≤ 0` is known, P is not definite. Along any u the scalar quadratic `uᵀP(s)u` has a root that is a lower bound for s*, short of it by the
+//! square of the error of u. The first u is the lowest Ritz vector of `M⁻¹C`. From an accepted s₀ on the next is the lowest eigenvector of the pencil
+//! (P(s₀), M), by Lanczos with the factor at hand: without damping that is the null vector of P(s*) for every s₀, with damping this is Newton's
+//! iteration for the lowest eigenvalue of a hyperbolic quadratic pencil. A refused factorization gives `u = L⁻ᵀe_j`, for which `uᵀPu = d_j < 0`. The
+//! next trial lies above the bound by the estimated error of the bound, and no farther than halfway to the accepted s. The interval ends at the
+//! oracle's own rounding: a relative width of `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
 
 use super::inertia::{InertiaCounter, largest_at_particle};
 use super::oracle::Oracle;
@@ -140,8 +138,8 @@ impl<'s> MatrixPencil<'s> {
         probe(self.masses.len(), Some(&self.masses), 60, &mut { apply }).map(|[low, _]| low.vector)
     }
 
-    /// `‖M^{-1/2} P(s) u‖/(2 s² ‖M^{1/2} u‖)`, at the s of the operator: about the relative distance of the root along u from the s
-    /// at which P is singular, without damping.
+    /// `‖M^{-1/2} P(s) u‖/(2 s² ‖M^{1/2} u‖)`, at the s of the operator: about the relative distance of the root along u from the s at which P is
+    /// singular, without damping.
     fn residual(&mut self, u: &[f64]) -> f64 {
         let Self { operator, product, masses, .. } = self;
         operator.apply(u, product);
@@ -150,8 +148,8 @@ impl<'s> MatrixPencil<'s> {
         0.5 * left.sqrt() / (operator.mass_factor() * kinetic.sqrt())
     }
 
-    /// A bound for ‖P(s)‖: the largest sum of `μ s² m_i` and twice the norms of the blocks at a free particle. Expects the operator at
-    /// s = 0, so that damping is left out.
+    /// A bound for ‖P(s)‖: the largest sum of `μ s² m_i` and twice the norms of the blocks at a free particle. Expects the operator at s = 0, so that
+    /// damping is left out.
     fn norm_bound(&self, s: f64) -> f64 {
         let norm = |block: &SpringBlock, _| 2.0 * block.transverse.abs().max(block.axial.abs());
         let [mu, _] = self.property.factors();
@@ -161,8 +159,8 @@ impl<'s> MatrixPencil<'s> {
 
     /// An s at which P is positive definite for certain; expects the operator at s = 0.
     ///
-    /// A spring with the lowest eigenvalue −c takes at most `c‖u_i − u_j‖² ≤ 2c(‖u_i‖² + ‖u_j‖²)` from uᵀPu, and only
-    /// `c‖u_i‖²` where j is held. So `μ s² m_i > Σ 2c` over the springs at every particle i is enough.
+    /// A spring with the lowest eigenvalue −c takes at most `c‖u_i − u_j‖² ≤ 2c(‖u_i‖² + ‖u_j‖²)` from uᵀPu, and only `c‖u_i‖²` where j is held. So
+    /// `μ s² m_i > Σ 2c` over the springs at every particle i is enough.
     fn surely_definite(&self) -> f64 {
         let taken = |block: &SpringBlock, is_free: bool| (-block.lowest()).max(0.0) * if is_free { 2.0 } else { 1.0 };
         let external = |block: &nalgebra::Matrix3<f64>| block.symmetric_eigenvalues().min().min(0.0).abs();
@@ -181,8 +179,8 @@ pub enum LargestStep {
     UpTo {
         /// The longest step at which a factorization proved it, in s.
         dt: f64,
-        /// A longer step at which it is lost, by a factorization that refused or a direction of negative curvature, in s; as near
-        /// to `dt` as rounding allows.
+        /// A longer step at which it is lost, by a factorization that refused or a direction of negative curvature, in s; as near to `dt` as rounding
+        /// allows.
         refused: f64,
     },
     /// Not computed.

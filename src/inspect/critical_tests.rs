@@ -19,8 +19,8 @@ fn limit(step: LargestStep) -> [f64; 2] {
     [dt, refused]
 }
 
-/// Along (3): 18 s² + 18 s − 108 vanishes at 2, where it rises by 90 for every unit of s; ‖P‖ is at most 8 + 2·12. Of the other requirement
-/// 72 s² + 36 s − 108 vanishes at 1.
+/// Along (3): 18 s² + 18 s − 108 vanishes at 2, where it rises by 90 for every unit of s; ‖P‖ is at most 8 + 2·12. Of the other requirement 72 s² +
+/// 36 s − 108 vanishes at 1.
 #[test]
 fn a_bound_is_the_root_along_a_direction() {
     let held = pinned(&[Pin { mass: 2.0, taken: 12.0, damping: 2.0 }]);
@@ -42,7 +42,8 @@ fn a_bound_is_the_root_along_a_direction() {
     assert!(!steps.raise(&mut nothing(), &[3.0]));
 }
 
-/// One takes 12 N/m, one adds 5: the limit is that of the first, whatever direction is known before. Where the other takes too the lower limit counts.
+/// One takes 12 N/m, one adds 5: the limit is that of the first, whatever direction is known before. Where the other takes too the lower limit
+/// counts.
 #[test]
 fn a_direction_of_negative_curvature_is_found() {
     for (other, expected) in [(-5.0, 6.0f64.sqrt()), (8.0, 8.0f64.sqrt())] {
@@ -98,8 +99,8 @@ fn a_bracket_that_is_narrow_enough_is_not_narrowed() {
     assert_eq!(found.work.factorizations, 1);
 }
 
-/// A direction that belongs to another eigenvalue, exactly: the factorization that refuses a step beyond its root finds the right one, and the
-/// next proves it.
+/// A direction that belongs to another eigenvalue, exactly: the factorization that refuses a step beyond its root finds the right one, and the next
+/// proves it.
 #[test]
 fn a_refusal_finds_the_direction_that_was_missed() {
     let held = pinned(&[pin(5.0, 20.0), pin(5.0, 5.0)]);
@@ -109,8 +110,8 @@ fn a_refusal_finds_the_direction_that_was_missed() {
     assert_eq!(steps.work.factorizations, 2);
 }
 
-/// A particle in a corner, pressed by one spring and damped at an angle: its own limit is at s = 0.033 or so, far below where all is
-/// definite for certain; that of another particle is at 0.9. A trial between both finds it.
+/// A particle in a corner, pressed by one spring and damped at an angle: its own limit is at s = 0.033 or so, far below where all is definite for
+/// certain; that of another particle is at 0.9. A trial between both finds it.
 #[test]
 fn a_bound_that_says_little_is_bettered_from_above() {
     let search = |damping: f64| {

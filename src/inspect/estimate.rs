@@ -11,8 +11,8 @@
 //! | λ_max from below | a Rayleigh quotient | λ_max itself |
 //! | λ_max from above | `maxᵢ (mᵢ/dt² + Σ 2c)` over the springs at i, c the largest eigenvalue of each's block | |
 //!
-//! The last is `wᵀBw ≤ c‖uᵢ − uⱼ‖² ≤ 2c (‖uᵢ‖² + ‖uⱼ‖²)`, summed. u comes from the solver of `eigen`, preconditioned with multigrid for A
-//! without the transverse terms of compressed springs, which is positive definite.
+//! The last is `wᵀBw ≤ c‖uᵢ − uⱼ‖² ≤ 2c (‖uᵢ‖² + ‖uⱼ‖²)`, summed. u comes from the solver of `eigen`, preconditioned with multigrid for A without the
+//! transverse terms of compressed springs, which is positive definite.
 
 use super::critical::{LargestStep, MatrixPencil, Property};
 use super::culprits::direction;

@@ -132,8 +132,7 @@ pub struct Gain {
 pub struct FirstLosses {
     /// A is not positive definite.
     pub definite: Option<Loss>,
-    /// A is, but the step is longer than the largest stable one. Watched under `Axial` only: the other options lose definiteness
-    /// first, or nothing.
+    /// A is, but the step is longer than the largest stable one. Watched under `Axial` only: the other options lose definiteness first, or nothing.
     pub stable: Option<Passed>,
     /// The step has rotated a spring too far.
     pub turning: Option<(Passed, Turn)>,
@@ -160,9 +159,9 @@ fn rounding(now: Energy, initial: Energy) -> f64 {
 }
 
 /// Follows a run, for one option and one step length, and remembers where each of four properties was lost first: that A is
-/// [definite](DefinitenessWatch), that the step is [stable](Property::Stable), that it does not [rotate](Turn) springs too far,
-/// and that energy comes from work alone, by the [energy balance](Monitor). The first three are properties of a state, known
-/// before the step that goes wrong; the last follows a wrong step.
+/// [definite](DefinitenessWatch), that the step is [stable](Property::Stable), that it does not [rotate](Turn) springs too far, and that energy comes
+/// from work alone, by the [energy balance](Monitor). The first three are properties of a state, known before the step that goes wrong; the last
+/// follows a wrong step.
 pub struct Follower<'s> {
     system: &'s System,
     option: Stiffness,
@@ -276,8 +275,8 @@ mod tests {
         }
     }
 
-    /// Two free particles a metre apart with a pressed spring between them: across it A = [[a − c, c], [c, a − c]] with a = 0.2 N/m and
-    /// c = 10 N/m, of the eigenvalues 0.2 and −19.8. Inverse iteration leads to the first, along which nothing is lost.
+    /// Two free particles a metre apart with a pressed spring between them: across it A = [[a − c, c], [c, a − c]] with a = 0.2 N/m and c = 10 N/m,
+    /// of the eigenvalues 0.2 and −19.8. Inverse iteration leads to the first, along which nothing is lost.
     #[test]
     fn what_is_lost_has_negative_curvature_and_culprits() {
         let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };

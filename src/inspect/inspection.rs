@@ -222,8 +222,8 @@ impl Inspection {
         self.skipped.iter().any(|skipped| skipped.part == part)
     }
 
-    /// The number of eigenvalues found that equal the lowest, to a thousandth of it: where A changes by as much, as when a particle
-    /// moves by a thousandth of a spring, their eigenvectors mix.
+    /// The number of eigenvalues found that equal the lowest, to a thousandth of it: where A changes by as much, as when a particle moves by a
+    /// thousandth of a spring, their eigenvectors mix.
     pub fn multiplicity(&self) -> usize {
         let Some(lowest) = self.spectrum.lowest.first().map(|pair| pair.value) else { return 0 };
         let same = |value: f64| (value - lowest).abs() <= 1e-3 * lowest.abs();
@@ -284,9 +284,9 @@ impl FirstAnswer {
     }
 }
 
-/// A quick check before all else. `uᵀAu < 0` proves that A is indefinite: u is the lowest Ritz vector of a short Lanczos run. Where
-/// that is none, A is factored: `A = L D Lᵀ` with D > 0 proves that A is positive definite, to rounding; a pivot `d_j < 0` gives
-/// `u = L⁻ᵀ e_j/d_j` with `uᵀAu = 1/d_j`, and a few steps of inverse iteration lead to the eigenvector nearest to zero.
+/// A quick check before all else. `uᵀAu < 0` proves that A is indefinite: u is the lowest Ritz vector of a short Lanczos run. Where that is none, A
+/// is factored: `A = L D Lᵀ` with D > 0 proves that A is positive definite, to rounding; a pivot `d_j < 0` gives `u = L⁻ᵀ e_j/d_j` with
+/// `uᵀAu = 1/d_j`, and a few steps of inverse iteration lead to the eigenvector nearest to zero.
 ///
 /// `products` is A by its fastest products; `None` where A is empty, not finite, or singular to working precision.
 pub(super) fn quick_check(
@@ -402,8 +402,8 @@ mod tests {
         (first, [work.factorizations, work.solves])
     }
 
-    /// From 10⁻¹³ of ‖A‖ below zero on products are believed, whatever the size of A; what is nearer to zero a factorization decides, and
-    /// one solve says that its direction is the eigenvector.
+    /// From 10⁻¹³ of ‖A‖ below zero on products are believed, whatever the size of A; what is nearer to zero a factorization decides, and one solve
+    /// says that its direction is the eigenvector.
     #[test]
     fn products_are_believed_beyond_their_rounding() {
         for size in [2f64.powi(-20), 1.0, 2f64.powi(20)] {

@@ -1,8 +1,7 @@
 //! The course of an inspection, and its budget.
 //!
-//! The parts come in the order of their importance. Before each its cost is estimated from the work of one factorization, one solve
-//! and one step of a search for eigenvalues; a part beyond the budget is skipped. These are counts, not times: on every machine the
-//! same parts are skipped.
+//! The parts come in the order of their importance. Before each its cost is estimated from the work of one factorization, one solve and one step of a
+//! search for eigenvalues; a part beyond the budget is skipped. These are counts, not times: on every machine the same parts are skipped.
 
 use super::critical::{CriticalSteps, Facts, Property};
 use super::inertia::{InertiaCounter, InertiaMethod, definite_by_blocks};
@@ -26,8 +25,8 @@ use std::sync::Arc;
 /// Operations of an inspection by default: about a minute.
 pub const AFFORDABLE: f64 = 1e12;
 
-/// Rows from which nothing is factored by default: one factorization of a cloth of that size takes seconds, of a solid minutes, and
-/// the ordering before it as long.
+/// Rows from which nothing is factored by default: one factorization of a cloth of that size takes seconds, of a solid minutes, and the ordering
+/// before it as long.
 const LARGEST_FACTORED: usize = 500_000;
 
 impl Inspection {
@@ -39,9 +38,9 @@ impl Inspection {
         Self::within(system, state, dt, option, par, f64::INFINITY, &mut |_, _| ())
     }
 
-    /// As [`at`](Self::at), skipping parts beyond `most` operations. A matrix whose factor does not fit the memory, or costs more than
-    /// that, is inspected by products and multigrid: some figures then are estimates. After every part `observer` sees the share of the
-    /// work done, from 0 to 1, and the inspection so far.
+    /// As [`at`](Self::at), skipping parts beyond `most` operations. A matrix whose factor does not fit the memory, or costs more than that, is
+    /// inspected by products and multigrid: some figures then are estimates. After every part `observer` sees the share of the work done, from 0 to
+    /// 1, and the inspection so far.
     ///
     /// # Errors
     /// Coincident ends of a spring; a system too large for the memory.
@@ -275,8 +274,8 @@ fn is_covered(part: Part, by: Part) -> bool {
     part == by || [part, by] == [Part::Stable(Stiffness::Full), Part::Definite(Stiffness::Full)]
 }
 
-/// Operations of a factorization and of a search for eigenvalues besides its factorizations; those that are left and spent, and those of
-/// everything within the budget.
+/// Operations of a factorization and of a search for eigenvalues besides its factorizations; those that are left and spent, and those of everything
+/// within the budget.
 #[derive(Debug, Clone, PartialEq)]
 struct Budget {
     factorization: f64,

@@ -24,8 +24,8 @@ pub struct Pictures {
     pub curve: Option<Plot>,
     /// The low end of the spectrum.
     pub spectrum: Plot,
-    /// The sparsity patterns of A and of its factor L, this one in the order of elimination; `None` where the inspection was
-    /// interrupted or nothing was factored.
+    /// The sparsity patterns of A and of its factor L, this one in the order of elimination; `None` where the inspection was interrupted or nothing
+    /// was factored.
     pub patterns: Option<[Spy; 2]>,
 }
 

@@ -1,39 +1,35 @@
 //! The rotation of springs in a step, and its effect: the limit that no linearisation at one state sees.
 //!
-//! A linearised step moves the ends of a spring along straight lines, by `δ = δx_i − δx_j = δ∥ n + δ⊥`, with `n` the direction at
-//! its start. It rotates the spring by `θ ≈ ‖δ⊥‖/l`, which is `dt ‖v⊥‖/l` in free flight, and counts its new length as `l + δ∥`. The
-//! true length is larger by
+//! A linearised step moves the ends of a spring along straight lines, by `δ = δx_i − δx_j = δ∥ n + δ⊥`, with `n` the direction at its start. It
+//! rotates the spring by `θ ≈ ‖δ⊥‖/l`, which is `dt ‖v⊥‖/l` in free flight, and counts its new length as `l + δ∥`. The true length is larger by
 //!
 //! ```text
 //! e = √((l + δ∥)² + ‖δ⊥‖²) − |l + δ∥| ≈ ½ θ² l.
 //! ```
 //!
-//! At the next step the spring is taut, and resists all motion across it with the transverse coefficient `k (1/l0 − 1/l)`, because
-//! the linearisation takes the new direction as fixed. The part of it that e has brought, `c = k (1/(l' − e) − 1/l')`, *brakes*: a
-//! mass μ that would go on by δ⊥ does so by `δ⊥/(1 + ρ)` only, `ρ = c dt²/μ`. With the frequency `ω = √(k/(l0 μ))` along the spring
-//! and `z = ω dt` that is
+//! At the next step the spring is taut, and resists all motion across it with the transverse coefficient `k (1/l0 − 1/l)`, because the linearisation
+//! takes the new direction as fixed. The part of it that e has brought, `c = k (1/(l' − e) − 1/l')`, *brakes*: a mass μ that would go on by δ⊥ does
+//! so by `δ⊥/(1 + ρ)` only, `ρ = c dt²/μ`. With the frequency `ω = √(k/(l0 μ))` along the spring and `z = ω dt` that is
 //!
 //! ```text
 //! ρ ≈ ½ (z θ)²  for a spring that was at rest length.
 //! ```
 //!
-//! A rotation by one radian takes 1/θ steps, in which the spring loses the part `1 − (1 + ρ)^(−1/θ) ≈ ½ z² θ` of its rotation. A may
-//! be positive definite and stable for every step: the braked motion is smooth, plausible and wrong. `Axial` leaves the term out and
-//! is not braked, but stretches its springs too. A method that linearises at a prediction of the step's end, or solves the nonlinear
-//! equations, is not concerned.
+//! A rotation by one radian takes 1/θ steps, in which the spring loses the part `1 − (1 + ρ)^(−1/θ) ≈ ½ z² θ` of its rotation. A may be positive
+//! definite and stable for every step: the braked motion is smooth, plausible and wrong. `Axial` leaves the term out and is not braked, but stretches
+//! its springs too. A method that linearises at a prediction of the step's end, or solves the nonlinear equations, is not concerned.
 //!
-//! **Neighbours.** Where the step deforms the springs around, their elasticity decides about the motion and not the inertia of the
-//! ends. With `E = ½ Σ (k/l0) (n·δ)²` over the other springs at both ends, μ in ρ is `μ + dt² E/‖δ⊥‖²`. So ρ is an estimate, exact
-//! for a spring by itself.
+//! **Neighbours.** Where the step deforms the springs around, their elasticity decides about the motion and not the inertia of the ends. With
+//! `E = ½ Σ (k/l0) (n·δ)²` over the other springs at both ends, μ in ρ is `μ + dt² E/‖δ⊥‖²`. So ρ is an estimate, exact for a spring by itself.
 //!
-//! **The search** brackets the limit by trials. The excess is nearly a power of dt, so its logarithm is nearly a line over that of
-//! dt: leaps go a little beyond the zero of the line through the last two trials, until the sign changes; the Illinois method (Dowell
-//! and Jarratt 1971) then narrows the bracket.
+//! **The search** brackets the limit by trials. The excess is nearly a power of dt, so its logarithm is nearly a line over that of dt: leaps go a
+//! little beyond the zero of the line through the last two trials, until the sign changes; the Illinois method (Dowell and Jarratt 1971) then narrows
+//! the bracket.
 //!
-//! **Steps of other lengths** are solved with one factor. With `s = 1/dt` the matrix of a step is `P(s) = s² M + s C + K`, here with C
-//! and K positive semidefinite. Once `P(s₀)` is factored, the eigenvalues of `P(s₀)⁻¹P(s)` lie between 1 and `(s/s₀)²`, so that
-//! conjugate gradients preconditioned with the factor take some twenty solves for a step four times as long or short (Hestenes and
-//! Stiefel 1952). The error e has `eᵀP(s)e = rᵀP(s)⁻¹r ≤ rᵀM⁻¹r/s²`, which is compared with `xᵀP(s)x = xᵀb`.
+//! **Steps of other lengths** are solved with one factor. With `s = 1/dt` the matrix of a step is `P(s) = s² M + s C + K`, here with C and K positive
+//! semidefinite. Once `P(s₀)` is factored, the eigenvalues of `P(s₀)⁻¹P(s)` lie between 1 and `(s/s₀)²`, so that conjugate gradients preconditioned
+//! with the factor take some twenty solves for a step four times as long or short (Hestenes and Stiefel 1952). The error e has
+//! `eᵀP(s)e = rᵀP(s)⁻¹r ≤ rᵀM⁻¹r/s²`, which is compared with `xᵀP(s)x = xᵀb`.
 
 use super::critical::LargestStep;
 use super::oracle::Oracle;
@@ -63,12 +59,12 @@ pub struct Turn {
     pub brake: f64,
 }
 
-/// The largest part of its rotation that a spring may lose in one radian. Springs that swing rotate by about that, so their motion
-/// is then wrong by about a tenth; the loss grows with the cube of the step.
+/// The largest part of its rotation that a spring may lose in one radian. Springs that swing rotate by about that, so their motion is then wrong by
+/// about a tenth; the loss grows with the cube of the step.
 pub const MOST_BRAKED: f64 = 0.1;
 
-/// The largest stretch of a spring by its rotation in a step, relative to its length: by 8°. Cloth and rubber strain by more, but
-/// this strain comes from nowhere, at every step anew.
+/// The largest stretch of a spring by its rotation in a step, relative to its length: by 8°. Cloth and rubber strain by more, but this strain comes
+/// from nowhere, at every step anew.
 pub const MOST_STRETCHED: f64 = 0.01;
 
 impl Turn {
@@ -88,8 +84,7 @@ impl Turn {
         (self.decay() / -(-MOST_BRAKED).ln_1p()).max(self.stretch / MOST_STRETCHED)
     }
 
-    /// The spring with the largest [excess](Self::excess) in a step of length dt by these displacements, in m; `None` where none
-    /// rotates.
+    /// The spring with the largest [excess](Self::excess) in a step of length dt by these displacements, in m; `None` where none rotates.
     pub fn worst(
         system: &System,
         extensions: &SpringGeometry,
@@ -228,8 +223,8 @@ impl<'s> RotationLimit<'s> {
 
     /// The spring that a step of length dt, in s, rotates worst; `None` where it rotates none or cannot be computed.
     ///
-    /// The step is that of linearised backward Euler, under `Tension` for `Full` too, as that matrix is positive definite, and for
-    /// `Absolute`, which differs for compressed springs alone: those that a turn does not stretch.
+    /// The step is that of linearised backward Euler, under `Tension` for `Full` too, as that matrix is positive definite, and for `Absolute`, which
+    /// differs for compressed springs alone: those that a turn does not stretch.
     pub fn worst(&mut self, option: Stiffness, dt: f64) -> Option<Turn> {
         let solved = if option == Stiffness::Axial { Stiffness::Axial } else { Stiffness::Tension };
         self.operator.update(&self.extensions, solved, Combination::step(dt));
@@ -284,8 +279,8 @@ impl<'s> RotationLimit<'s> {
         self.factored = Some((option, dt));
     }
 
-    /// The longest step, in s, that rotates no spring too far, searched up and down from dt. [`Every`](LargestStep::Every) where even
-    /// one of `4¹² dt` does not.
+    /// The longest step, in s, that rotates no spring too far, searched up and down from dt. [`Every`](LargestStep::Every) where even one of `4¹² dt`
+    /// does not.
     pub fn largest_step(&mut self, option: Stiffness, dt: f64) -> LargestStep {
         self.limit_and_worst(option, dt).0
     }
@@ -340,8 +335,8 @@ fn search(first: Trial, mut excess: impl FnMut(f64) -> f64) -> Option<[f64; 2]> 
     None
 }
 
-/// Narrows a bracket to [`WIDTH`] by the Illinois method: an end that stays is given half of its excess. Trials keep half of the width
-/// away from the ends, and after a dozen they are bisections.
+/// Narrows a bracket to [`WIDTH`] by the Illinois method: an end that stays is given half of its excess. Trials keep half of the width away from the
+/// ends, and after a dozen they are bisections.
 fn narrowed(mut low: Trial, mut high: Trial, mut excess: impl FnMut(f64) -> f64) -> [f64; 2] {
     let width = WIDTH.ln_1p();
     let (mut trials, mut was_high) = (0, None);
@@ -364,8 +359,8 @@ fn narrowed(mut low: Trial, mut high: Trial, mut excess: impl FnMut(f64) -> f64)
     [low.at, high.at]
 }
 
-/// Solves `P(s) x = b`, b in the place of x, to an error of 10⁻⁵ in the norm of P(s), in forty iterations at most; returns `false` where
-/// that fails. `masses` is the diagonal of M.
+/// Solves `P(s) x = b`, b in the place of x, to an error of 10⁻⁵ in the norm of P(s), in forty iterations at most; returns `false` where that fails.
+/// `masses` is the diagonal of M.
 fn conjugate_gradients(
     p: &dyn LinearOperator,
     s: f64,

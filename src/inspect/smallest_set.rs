@@ -1,8 +1,8 @@
 //! A smallest set of springs whose transverse terms must be dropped to make A positive definite.
 //!
-//! Let F be a *sufficient* set: without the transverse terms of its springs, A_F is positive definite. Putting back the terms of
-//! some springs s of F subtracts `N_s N_sᵀ`, N_s having a column `√c (t at i, −t at j)` for each direction t across the spring, with
-//! `c = k(1/l − 1/l0)`. By Schur's complement
+//! Let F be a *sufficient* set: without the transverse terms of its springs, A_F is positive definite. Putting back the terms of some springs s of F
+//! subtracts `N_s N_sᵀ`, N_s having a column `√c (t at i, −t at j)` for each direction t across the spring, with `c = k(1/l − 1/l0)`. By Schur's
+//! complement
 //!
 //! ```text
 //! A_F − Σ N_s N_sᵀ  is positive definite   ⇔   I − Nᵀ A_F⁻¹ N  is,
@@ -10,16 +10,16 @@
 //!
 //! a small dense matrix: one sparse factorization and a solve a column, and every question about subsets of F is cheap.
 //!
-//! **From below.** Some springs are in every sufficient set, and N negative eigenvalues take N/2 terms or more, see `necessary`. Where
-//! the necessary springs are sufficient, by one factorization, they are the smallest set.
+//! **From below.** Some springs are in every sufficient set, and N negative eigenvalues take N/2 terms or more, see `necessary`. Where the necessary
+//! springs are sufficient, by one factorization, they are the smallest set.
 //!
-//! **From above.** A sufficient set comes from the local condition of [`Regularization`]. Where it is too large, it is narrowed to
-//! the necessary springs and those nearest to it, by three halvings with a factorization each.
+//! **From above.** A sufficient set comes from the local condition of [`Regularization`]. Where it is too large, it is narrowed to the necessary
+//! springs and those nearest to it, by three halvings with a factorization each.
 //!
-//! **The search** in that small matrix is greedy. All terms are put back; while the rest is not positive definite, the one with the
-//! largest part in the worst eigenvector of `H = Nᵀ A_F⁻¹ N` is dropped; in the end each dropped one is put back if that does no
-//! harm, the last one first. The other way round, all are dropped and put back one by one, the weakest first. The smaller of both
-//! sets is *irredundant*: none of its springs can be spared. It need not be of least size, which is as hard to find as a set cover.
+//! **The search** in that small matrix is greedy. All terms are put back; while the rest is not positive definite, the one with the largest part in
+//! the worst eigenvector of `H = Nᵀ A_F⁻¹ N` is dropped; in the end each dropped one is put back if that does no harm, the last one first. The other
+//! way round, all are dropped and put back one by one, the weakest first. The smaller of both sets is *irredundant*: none of its springs can be
+//! spared. It need not be of least size, which is as hard to find as a set cover.
 
 use super::inertia::InertiaCounter;
 use super::necessary::{Column, NECESSARY, Necessity, fewest};
@@ -111,8 +111,7 @@ pub(super) fn search(mut trial: Trial<'_>, negative: usize, counter: &mut Inerti
     }
 }
 
-/// A search among so many springs is affordable, with a factor of so many entries: always for a few, and never where the
-/// dense matrix is too large.
+/// A search among so many springs is affordable, with a factor of so many entries: always for a few, and never where the dense matrix is too large.
 fn is_affordable(springs: usize, entries: usize) -> bool {
     springs <= ((MOST_MULTIPLICATIONS / (4.0 * entries as f64)) as usize).clamp(32, 500)
 }
@@ -259,8 +258,8 @@ pub enum Minimality {
     Enough,
 }
 
-/// The owners to drop so that `I − H`, restricted to the columns of the others, is positive definite, in the order in which they were
-/// found. Where that would take more than `most` multiplications the search ends early, and in the end all are dropped.
+/// The owners to drop so that `I − H`, restricted to the columns of the others, is positive definite, in the order in which they were found. Where
+/// that would take more than `most` multiplications the search ends early, and in the end all are dropped.
 fn choose(h: &DMatrix<f64>, owners: &[usize], count: usize, most: f64) -> (Vec<usize>, Minimality) {
     let columns = |dropped: &[bool]| -> Vec<usize> { (0..owners.len()).filter(|&c| !dropped[owners[c]]).collect() };
     let restricted = |kept: &[usize]| {
@@ -399,8 +398,8 @@ mod tests {
         assert_eq!((most.springs.len(), most.at_least, work), (130, 130, [1, 4, 6, 130]));
     }
 
-    /// Particles on pressed springs that run askew, with masses below the rounding of the springs: without all that they take across A is singular
-    /// as far as can be told, so that nothing is known but that all have to go; one that is stretched takes nothing.
+    /// Particles on pressed springs that run askew, with masses below the rounding of the springs: without all that they take across A is singular as
+    /// far as can be told, so that nothing is known but that all have to go; one that is stretched takes nothing.
     #[test]
     fn where_rounding_hides_what_is_enough_all_are_named() {
         let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };

@@ -7,8 +7,8 @@
 //! σ_r ≥ √(τ − ε − δ),      δ = γ_{m+20} ‖|Bᵀ||B|‖₂,      ‖|Bᵀ||B|‖₂ ≤ ‖B‖₁ ‖B‖_∞ ≤ m 2√3,
 //! ```
 //!
-//! m the most springs at a particle: entries of A are sums of at most m products, and a component of a unit vector takes at most seven
-//! roundings from the positions (Higham 2002, 3.1 and 3.5).
+//! m the most springs at a particle: entries of A are sums of at most m products, and a component of a unit vector takes at most seven roundings from
+//! the positions (Higham 2002, 3.1 and 3.5).
 //!
 //! **From above.** On the span of d − r motions V (Courant and Fischer)
 //!
@@ -16,9 +16,9 @@
 //! σ_{r+1} ≤ ‖B V‖_F / σ_min(V),      σ_min(V)² ≥ 1 − ‖VᵀV − I‖_∞,
 //! ```
 //!
-//! or by a second count, where V is not known. No computation with rounded numbers proves that a singular value is zero. What a body has in
-//! springs, or in coordinates beside its rigid motions where nothing holds it, bounds its rank exactly: a rank proven from below that
-//! reaches this bound is exact, and the other singular values are zero.
+//! or by a second count, where V is not known. No computation with rounded numbers proves that a singular value is zero. What a body has in springs,
+//! or in coordinates beside its rigid motions where nothing holds it, bounds its rank exactly: a rank proven from below that reaches this bound is
+//! exact, and the other singular values are zero.
 
 use super::Directions;
 use crate::assembly::{BlockPattern, SymmetricMatrix};
@@ -132,8 +132,8 @@ pub(super) fn largest_rank(system: &System, state: &State) -> usize {
     bodies.iter().zip(springs).map(most).sum()
 }
 
-/// Rigid motions that a body surely has: none where anything is held, else the dimension of the motions of its points, by a cross product
-/// that is not rounding.
+/// Rigid motions that a body surely has: none where anything is held, else the dimension of the motions of its points, by a cross product that is not
+/// rounding.
 fn rigid_motions_at_least(system: &System, state: &State, body: &Body) -> usize {
     let dimension = system.dimension();
     let is_free = |&p: &usize| system.dofs().rows(p).len() == dimension;

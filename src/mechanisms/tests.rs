@@ -221,8 +221,8 @@ fn large_and_small_scenes_are_judged_alike() {
     }
 }
 
-/// Three joined points, one of them more or less aside of the line of the others: what is decided is the triangle or the line, and no more rigid motions are
-/// counted than motions that stretch nothing.
+/// Three joined points, one of them more or less aside of the line of the others: what is decided is the triangle or the line, and no more rigid
+/// motions are counted than motions that stretch nothing.
 #[test]
 fn rigid_motions_are_among_the_mechanisms() {
     for exponent in -160..0 {

@@ -52,8 +52,8 @@ fn a_triangle_has_a_double_mode() {
     }
 }
 
-/// A particle on a taut string swings alike along two axes. One of the two modes lies at the edge of what is counted, and its interval reaches
-/// down to there: below it is no eigenvalue.
+/// A particle on a taut string swings alike along two axes. One of the two modes lies at the edge of what is counted, and its interval reaches down
+/// to there: below it is no eigenvalue.
 #[test]
 fn half_of_a_double_mode_is_known_to_the_edge_of_the_count() {
     let mut builder = SystemBuilder::new();
@@ -70,8 +70,8 @@ fn half_of_a_double_mode_is_known_to_the_edge_of_the_count() {
     assert!(found.proven && found.modes[0].error_bound >= found.modes[0].eigenvalue - found.counted_below, "{found:?}");
 }
 
-/// A taut chain of N masses between two walls, held to its line: `ω_k = 2 √(κ/m) sin(kπ / 2(N+1))`. Along it with κ = k/l0, across with the tension over
-/// the length.
+/// A taut chain of N masses between two walls, held to its line: `ω_k = 2 √(κ/m) sin(kπ / 2(N+1))`. Along it with κ = k/l0, across with the tension
+/// over the length.
 #[test]
 fn a_taut_chain_has_the_modes_of_the_textbook() {
     let count = 30;
@@ -196,8 +196,8 @@ fn growth_and_imbalance_are_told() {
     assert!(modes(&loaded, &state, 0).is_err());
 }
 
-/// A pressed chain, of which all bends grow, beside a bent double pendulum of bars at rest, which turns about its hook and in its joint: there are two zero
-/// modes, however many modes are asked for.
+/// A pressed chain, of which all bends grow, beside a bent double pendulum of bars at rest, which turns about its hook and in its joint: there are
+/// two zero modes, however many modes are asked for.
 #[test]
 fn zero_modes_above_growing_modes_are_counted() {
     let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
@@ -268,8 +268,8 @@ fn modes_without_a_factorization_are_the_same() {
     }
 }
 
-/// Far from the origin, coordinates are rounded so coarsely that springs at rest are strained by 1e-13: the motions of a chain that bends freely are zero
-/// modes there as well, whatever the masses.
+/// Far from the origin, coordinates are rounded so coarsely that springs at rest are strained by 1e-13: the motions of a chain that bends freely are
+/// zero modes there as well, whatever the masses.
 #[test]
 fn zero_modes_far_from_the_origin_are_zero_modes() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(3_2026);
