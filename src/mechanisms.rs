@@ -173,11 +173,9 @@ struct NullSpaces {
     /// An orthonormal basis of the null space of B, and of that of Bᵀ.
     motions: Vec<Vec<f64>>,
     stresses: Vec<Vec<f64>>,
-    /// Whether all motions are there.
     is_complete: bool,
 }
 
-/// B.
 #[derive(Clone, Copy)]
 struct Directions<'a> {
     system: &'a System,
@@ -292,7 +290,6 @@ impl Directions<'_> {
         let (mut gap, mut decided) = ([f64::NAN; 2], low.is_some() && low == high);
         let mut motions = Vec::new();
         let mut found = zeros;
-        // Beyond, they are only counted.
         if zeros <= 100 {
             let pairs = search.lowest((zeros + 1).min(d), Accuracy::FULL);
             let complete = search.edge.is_some();

@@ -7,14 +7,12 @@
 //! of the motion linearised about a state: small vibrations where that is an equilibrium. A negative ω² is a motion that grows as `exp(|ω| t)`.
 //!
 //! **Counted.** By Sylvester's law `−K − σM = L D Lᵀ` has as many negative pivots as there are ω² < σ. With σ just below the last mode reported, that
-//! number proves that none is missing. Each ω² is enclosed by the residual of its mode, `‖M^{-1/2}(−Kφ − ω²Mφ)‖` (Parlett, The Symmetric Eigenvalue
-//! Problem, 15.9). With all rounding errors of residuals and of the count bounded (`eigen/enclosure.rs`, `linear/certificate.rs`) count and
-//! enclosures are theorems about the stored K and M.
+//! number proves that none is missing. With all rounding errors of residuals and of the count bounded (`eigen/enclosure.rs`, `linear/certificate.rs`)
+//! count and enclosures are theorems about the stored K and M.
 //!
-//! **Zero modes.** Rigid motions of a body that nothing strains or holds, and mechanisms, have ω² = 0 up to rounding of K. The search starts from the
-//! rigid motions, which are known. An eigenvalue within rounding of zero counts as zero: rounding of sums, relative to ‖M⁻¹K‖, and that of positions,
-//! which leaves springs strained that are at rest. The gap to the next one is reported. Where all modes asked for grow, zero modes lie above them:
-//! their number is then that of the eigenvalues between two shifts on both sides of zero.
+//! **Zero modes.** Rigid motions, from which the search starts, and mechanisms have ω² = 0 up to rounding: that of sums, relative to ‖M⁻¹K‖, and that
+//! of positions, which leaves springs strained that are at rest. Where all modes asked for grow, the zero modes above them are counted between two
+//! shifts on both sides of zero.
 //!
 //! **Damping.** `φᵀ(−G)φ/(2ω)`, exact where modes diagonalise G.
 
@@ -390,14 +388,12 @@ fn unresisted(a: &SymmetricMatrix, masses: &[f64], motions: Vec<Vec<f64>>, round
     (0..motions.len()).map(pair).filter(|pair| pair.residual <= zero).collect()
 }
 
-/// `A x`.
 fn product(a: &SymmetricMatrix, x: &[f64]) -> Vec<f64> {
     let mut product = vec![0.0; x.len()];
     a.apply(x, &mut product);
     product
 }
 
-/// The largest magnitude.
 pub(crate) fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |largest, value| value.abs().max(largest))
 }

@@ -4,8 +4,8 @@
 //! A φ = λ M φ,      A symmetric,  M diagonal and positive: the masses, or the identity
 //! ```
 //!
-//! There is one solver, `BlockLanczos`, for any operator B that is self-adjoint in the inner product `⟨x, y⟩ = xᵀMy`. `ShiftInvert` gives it
-//! `(A − σM)⁻¹M` with a sparse factorization. Where a matrix cannot be factored the solver takes A itself, preconditioned.
+//! There is one solver, `BlockLanczos`, for any operator B that is self-adjoint in the inner product `⟨x, y⟩ = xᵀMy`: `(A − σM)⁻¹M` by a sparse
+//! factorization (`ShiftInvert`), or A itself, preconditioned, where it cannot be factored.
 //!
 //! **Error bounds.** With `r = Aφ − λMφ` and `φᵀMφ = 1` there is an eigenvalue within `‖M^{-1/2} r‖` of λ (Parlett, The Symmetric Eigenvalue Problem,
 //! 4.5 and 15.9).
@@ -82,12 +82,10 @@ pub(crate) fn gaussian(rng: &mut Xoshiro256PlusPlus, x: &mut [f64]) {
 /// `Y = B X` for matrices stored by columns, up to a block of them.
 pub(crate) type Product<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
 
-/// The eigenvalues that are wanted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum End {
     Lowest,
     Highest,
-    /// The largest in magnitude.
     Farthest,
 }
 
@@ -133,7 +131,6 @@ impl From<Ritz> for Eigenpair {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Search {
     pub end: End,
-    /// The number of eigenvalues.
     pub wanted: usize,
     /// Vectors by which the basis grows at a time.
     pub block: usize,

@@ -59,7 +59,6 @@ impl<'a> Pencil<'a> {
     }
 }
 
-/// The accuracy of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Accuracy {
     /// The residual of θ at which a pair has converged.
@@ -254,7 +253,6 @@ impl<'a> ShiftInvert<'a> {
         self.work.factorizations += 1;
         (self.is_factored, self.count_error) = (false, f64::INFINITY);
         self.factorization.factor(&shifted).ok()?;
-        // With the rounding of the product σM and of the difference.
         let of_shift = 2.0 * f64::EPSILON * (shift.abs() + self.norm);
         self.count_error = self.factorization.rounding_bound(self.pencil.masses) + of_shift;
         let below = self.factorization.pivots().filter(|(_, d)| *d < 0.0).count();

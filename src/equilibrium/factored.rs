@@ -9,9 +9,9 @@ use crate::spring::Stiffness;
 
 impl Search<'_> {
     /// p of `−K p = f`. Where −K is singular by free motions alone, a shift of rounding makes it positive definite. Where it has negative
-    /// eigenvalues, option *tension* takes its place far from an equilibrium, and −K + σ near one, σ about the smallest that makes it positive
-    /// definite: there soft directions of negative curvature decide, and *tension* is far too stiff along them. The progressive policy takes
-    /// *tension* for the springs at large residuals alone, and an option takes the place of −K everywhere. Returns whether it was that shift.
+    /// eigenvalues, option *tension* takes its place far from an equilibrium, of the springs at large residuals alone under the progressive policy,
+    /// and −K + σ near one, where *tension* is far too stiff along soft directions, σ about the smallest that makes it positive definite. Returns
+    /// whether it was that shift.
     pub(super) fn factored_step(&mut self) -> Result<(Vec<f64>, bool)> {
         let policy = self.options.stiffness;
         let is_near = self.residual() < NEAR && !matches!(policy, StiffnessPolicy::Always(_));

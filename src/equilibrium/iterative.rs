@@ -48,7 +48,6 @@ impl Solver {
 
     pub fn iterative(system: &System) -> Result<Self> {
         let mut method = ConjugateGradient::new(system.dofs().len(), 0.1);
-        // The direction found by then is taken.
         method.iteration_limit = 500;
         let preconditioner = Preconditioner::new(PreconditionerKind::Multigrid, system)?;
         Ok(Self::Iterative(Box::new(Iterative { method, preconditioner })))

@@ -6,10 +6,8 @@
 //! - `uᵀp = 0`, a bifurcation: another branch of equilibria leaves the path, as where a column buckles;
 //! - `uᵀp ≠ 0`, a limit point: the path turns back, and at a higher load the next equilibrium is far away, as where a shallow arch snaps through.
 //!
-//! Where motions are free, as those of a slack net without a load, there is no path. It begins under the first load that gives them a direction.
-//!
-//! Behind a limit point the inertia may be what it was before. A step over it agrees with no tangents of the path, however short it is, so that
-//! halving steps that do not agree finds it.
+//! Where motions are free, as those of a slack net without a load, the path begins under the first load that gives them a direction. Behind a limit
+//! point the inertia may be what it was before: a step over it agrees with no tangents of the path, so that halving steps that do not agree finds it.
 //!
 //! **Linear buckling** estimates the first critical load from a small one: the smallest λ at which `K_a + λ K_g` is singular, K_a the axial stiffness
 //! at rest and K_g the transverse terms of the tensions per unit of load. It neglects how shape and tensions change on the way.
@@ -167,9 +165,9 @@ impl Path<'_> {
     /// |x₁ − x₀ − ½ (λ₁ − λ₀) (x₀' + x₁')| ≤ TURN |x₁ − x₀|,      (λ₁ − λ₀) |x₁' − x₀'| ≤ |x₁ − x₀|.
     /// ```
     ///
-    /// On a smooth path what is left over the length falls with the square of the step, and the turn of the tangent with the step, so that short
-    /// enough steps agree. A step onto another branch does not become shorter, and agrees with no tangents, however soft the scene is: just below a
-    /// limit point the tangent alone may be as long as the jump, but turns by twice that. Where there is no tangent the inertia alone tells.
+    /// On a smooth path what is left over the length falls with the square of the step, and the turn of the tangent with the step. A step onto
+    /// another branch does not become shorter, and agrees with no tangents: just below a limit point the tangent alone may be as long as the jump,
+    /// but turns by twice that. Where there is no tangent the inertia alone tells.
     fn leads(&self, [low, high]: [f64; 2], from: &Equilibrium, to: &Equilibrium) -> Result<bool> {
         if to.stability == Stability::NotConverged || to.inertia.negative != from.inertia.negative {
             return Ok(false);

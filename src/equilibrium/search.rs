@@ -34,10 +34,8 @@ pub(super) const SINGULAR: f64 = 1e-10;
 /// The residual below which a search is near an equilibrium.
 pub(super) const NEAR: f64 = 1e-3;
 
-/// Lengths of a step that are tried.
 const HALVINGS: usize = 50;
 
-/// The solver for directions of Newton's method.
 pub(super) enum Solver {
     Factored(Box<Cholesky>),
     Iterative(Box<Iterative>),
@@ -63,7 +61,6 @@ pub(super) struct Search<'s> {
     pub is_free: bool,
     /// The last σ, in N/m.
     pub shift: f64,
-    /// E before the last steps.
     recent: VecDeque<f64>,
     iterations: usize,
     pub falling: Vec<usize>,
@@ -187,7 +184,6 @@ impl<'s> Search<'s> {
                     }
                 }
             }
-            // One more step, at full length, takes the residual to rounding.
             self.polish()?;
             let Some(direction) = self.unstable_direction(true)? else { return self.end(Stability::Stable) };
             saddles += 1;
@@ -241,7 +237,6 @@ impl<'s> Search<'s> {
         self.energy.is_finite()
     }
 
-    /// The size of the terms of E.
     fn terms(&self) -> f64 {
         let loads = self.loads.iter().zip(&self.state.positions).map(|(f, x)| f.dot(x).abs()).sum::<f64>();
         loads + self.energy.abs()

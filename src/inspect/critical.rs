@@ -18,17 +18,14 @@
 //! `Tension` the same holds for stretched springs: S adds nothing. Under `Axial` the stretched springs' transverse modes are left to the old
 //! positions, as in symplectic Euler, and S demands `dt ≤ 2/ω`.
 //!
-//! **An unstable equilibrium** (κ < 0 for some u) has a motion that grows, whatever the method: one root is real and above 1, as it must be, and S
-//! says that the others stay in the disc. This needs A positive definite, so the stable step is never larger than the definite one. At other states
-//! both hold for the motion relative to the trajectory, as long as springs change little.
+//! **An unstable equilibrium** (κ < 0 for some u) has a motion that grows, whatever the method: one root is real and above 1, and S says that the
+//! others stay in the disc. At other states both properties hold for the motion relative to the trajectory, as long as springs change little.
 //!
-//! **The search.** A factorization `P = L D Lᵀ` with D > 0 proves P definite, to rounding: the oracle. Where it refuses, or where a vector u with
-//! `uᵀP(s)u ≤ 0` is known, P is not definite. Along any u the scalar quadratic `uᵀP(s)u` has a root that is a lower bound for s*, short of it by the
-//! square of the error of u. The first u is the lowest Ritz vector of `M⁻¹C`. From an accepted s₀ on the next is the lowest eigenvector of the pencil
-//! (P(s₀), M), by Lanczos with the factor at hand: without damping that is the null vector of P(s*) for every s₀, with damping this is Newton's
-//! iteration for the lowest eigenvalue of a hyperbolic quadratic pencil. A refused factorization gives `u = L⁻ᵀe_j`, for which `uᵀPu = d_j < 0`. The
-//! next trial lies above the bound by the estimated error of the bound, and no farther than halfway to the accepted s. The interval ends at the
-//! oracle's own rounding: a relative width of `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
+//! **The search.** A factorization `P = L D Lᵀ` with D > 0 proves P definite, to rounding. Along any u the scalar quadratic `uᵀP(s)u` has a root that
+//! is a lower bound for s*, short of it by the square of the error of u: the lowest Ritz vector of `M⁻¹C`, then the lowest eigenvector of the pencil
+//! (P(s₀), M) of an accepted s₀, by Lanczos with the factor at hand (with damping this is Newton's iteration for a hyperbolic quadratic pencil), or
+//! the `u = L⁻ᵀe_j` of a refused factorization. The next trial lies above the bound by its estimated error, and no farther than halfway to the
+//! accepted s. The interval ends at the oracle's own rounding, a relative width of `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
 
 use super::inertia::{InertiaCounter, largest_at_particle};
 use super::oracle::Oracle;

@@ -3,8 +3,8 @@
 //! **Sylvester's law.** A and `S A Sᵀ` have as many negative, zero and positive eigenvalues, for every invertible S. So the signs of the blocks of B
 //! in `A = L B Lᵀ` count those of A: the *inertia*, without one eigenvalue being computed.
 //!
-//! **Rounding.** The factorization is that of a matrix nearby, `L B Lᵀ = A + E`. By Weyl's theorem eigenvalues move by at most `‖E‖`, so the signs of
-//! eigenvalues above `‖E‖` are right. An indefinite matrix can make E arbitrarily large without any pivot failing. Hence:
+//! **Rounding.** The factorization is that of a matrix nearby, `L B Lᵀ = A + E`. By Weyl's theorem the signs of eigenvalues above `‖E‖` are right,
+//! but an indefinite matrix can make E arbitrarily large without any pivot failing. Hence:
 //!
 //! 1. A is *equilibrated*, `C = S A S` with S a diagonal of powers of two that brings the largest entry of every row near 1: masses or stiffnesses of
 //!    very different size then hide no small eigenvalues.
@@ -14,13 +14,11 @@
 //!    4.1); here r = 6. If the bound exceeds τ/2, the matrix is factored again with pivoting inside supernodes, then, if it is small, densely;
 //!    otherwise τ is widened to the measured error, and the count repeated.
 //!
-//! The result holds for every eigenvalue of C outside ±[`band`](Inertia::band). For a well-behaved matrix the band is `48 √n u‖C‖` with u = 2⁻⁵³:
-//! about 10⁻¹³ for a hundred degrees of freedom, 10⁻¹¹ for a hundred thousand.
+//! The result holds for every eigenvalue of C outside ±[`band`](Inertia::band): `48 √n u‖C‖`, u = 2⁻⁵³, for a well-behaved matrix.
 //!
-//! **Proof.** Without pivoting `‖E‖` has a rigorous bound too (`linear/certificate.rs`), which holds for every order of the sums. Where it is below
-//! τ, the count is a theorem about the stored matrix: at least as many eigenvalues as were counted are negative, and at least as many positive, so
-//! that all signs are known if none counts as zero. Where it is above, τ is widened once to prove the same count. Elsewhere the count holds with the
-//! probability above.
+//! **Proof.** Without pivoting `‖E‖` has a rigorous bound too (`linear/certificate.rs`). Where it is below τ, the count is a theorem about the stored
+//! matrix: at least as many eigenvalues as were counted are negative, and at least as many positive. Where it is above, τ is widened once to prove
+//! the same count.
 
 use crate::assembly::{BlockPattern, SymmetricMatrix};
 use crate::eigen::gaussian;
@@ -122,8 +120,6 @@ const FIRST_SHIFT: f64 = 32.0;
 /// The error below which pivoting does not improve a factorization, in the same units.
 const STABLE: f64 = 64.0;
 
-const LARGEST_DENSE_FACTOR: usize = 2000;
-
 /// Gaussian vectors that measure a factorization: its error is underestimated with probability 10⁻⁶.
 const PROBES: usize = 6;
 
@@ -147,7 +143,7 @@ impl InertiaCounter {
     /// # Errors
     /// When the factor does not fit 32-bit indices or the memory.
     pub fn new(pattern: &BlockPattern, par: Par) -> Result<Self> {
-        Ok(Self::on(PivotedLdlt::analyse(pattern, par)?))
+        Ok(Self { factorization: PivotedLdlt::analyse(pattern, par)?, method: InertiaMethod::Sparse })
     }
 
     /// As [`new`](Self::new), on a pattern that has been analysed.
@@ -155,11 +151,7 @@ impl InertiaCounter {
     /// # Errors
     /// When the factor does not fit the memory.
     pub fn sharing<K: FactorKind>(analysed: &Factorization<K>) -> Result<Self> {
-        Ok(Self::on(PivotedLdlt::sharing(analysed)?))
-    }
-
-    fn on(factorization: PivotedLdlt) -> Self {
-        Self { factorization, method: InertiaMethod::Sparse }
+        Ok(Self { factorization: PivotedLdlt::sharing(analysed)?, method: InertiaMethod::Sparse })
     }
 
     /// Counts the eigenvalues of a matrix on the analysed pattern.
@@ -222,17 +214,21 @@ impl InertiaCounter {
         shifted.shift(shift);
         let [error, bound] = [f64::INFINITY; 2];
         let mut count = Count { signs: PivotSigns::default(), error, bound, method: first };
-        for method in [InertiaMethod::Sparse, InertiaMethod::Pivoted, InertiaMethod::Dense] {
-            let affordable = method != InertiaMethod::Dense || c.order() <= LARGEST_DENSE_FACTOR;
+        let sparse = [(InertiaMethod::Sparse, Pivoting::None), (InertiaMethod::Pivoted, Pivoting::InSupernodes)];
+        let methods = sparse.map(|(method, pivoting)| (method, Some(pivoting)));
+        for (method, pivoting) in methods.into_iter().chain([(InertiaMethod::Dense, None)]) {
+            let affordable = pivoting.is_some() || c.order() <= 2000;
             let is_good = count.error <= f64::max(tolerance / 2.0, STABLE * unit(c.order()));
             if method < first || !affordable || is_good {
                 continue;
             }
             work.factorizations += 1;
-            let (signs, error) = match method {
-                InertiaMethod::Sparse => self.sparse_signs(&shifted, Pivoting::None),
-                InertiaMethod::Pivoted => self.sparse_signs(&shifted, Pivoting::InSupernodes),
-                InertiaMethod::Dense | InertiaMethod::Springs | InertiaMethod::None => dense_signs(&shifted),
+            let (signs, error) = match pivoting {
+                Some(pivoting) => {
+                    self.factorization.factor(&shifted, pivoting);
+                    (self.factorization.signs(), self.measured_error(&shifted))
+                }
+                None => dense_signs(&shifted),
             };
             // With the rounding of the shift and of the scale.
             let bound = match method {
@@ -245,11 +241,6 @@ impl InertiaCounter {
             }
         }
         count
-    }
-
-    fn sparse_signs(&mut self, a: &SymmetricMatrix, pivoting: Pivoting) -> (PivotSigns, f64) {
-        self.factorization.factor(a, pivoting);
-        (self.factorization.signs(), self.measured_error(a))
     }
 
     /// Bound on `‖A − L B Lᵀ‖₂` from products with Gaussian vectors.

@@ -27,16 +27,12 @@ pub(super) const NECESSARY: f64 = 1.000000001;
 /// The criterion of necessary springs.
 pub(super) struct Necessity<'a, 's> {
     /// `A_T`.
-    operator: &'a SystemOperator<'s>,
-    pattern: &'a SpringPattern,
+    pub operator: &'a SystemOperator<'s>,
+    /// Of every active spring.
+    pub pattern: &'a SpringPattern,
 }
 
 impl<'a, 's> Necessity<'a, 's> {
-    /// With A without the transverse terms of compressed springs, on a pattern of every active spring.
-    pub fn new(operator: &'a SystemOperator<'s>, pattern: &'a SpringPattern) -> Self {
-        Self { operator, pattern }
-    }
-
     /// The largest eigenvalue of `N_sᵀ (A_T,PP)⁻¹ N_s` for the spring between these particles, with these columns, in 36 rows at most: from
     /// [`NECESSARY`] on it is in every sufficient set.
     pub fn need(&self, [i, j]: [usize; 2], columns: &[Column]) -> f64 {
@@ -152,7 +148,7 @@ mod tests {
         let operator = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(1.0));
         let pattern = SpringPattern::of_stiffness(&system).unwrap();
         let column = vec![(0, 0.3), (1, -0.2), (2, 0.1), (3, -0.3), (4, 0.2), (5, -0.1)];
-        let found = Necessity::new(&operator, &pattern).need([0, 1], std::slice::from_ref(&column));
+        let found = Necessity { operator: &operator, pattern: &pattern }.need([0, 1], std::slice::from_ref(&column));
         // Entries of A by the blocks of its springs, of the middle and eleven others.
         let mut a = DMatrix::zeros(36, 36);
         for (p, mass) in system.masses().iter().enumerate().take(12) {

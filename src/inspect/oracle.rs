@@ -9,7 +9,6 @@ use crate::work::Work;
 use faer::Par;
 use std::sync::Arc;
 
-/// A matrix and its factorization.
 pub(super) struct Oracle {
     pub pattern: Arc<SpringPattern>,
     pub matrix: SystemMatrix,

@@ -213,7 +213,6 @@ mod tests {
     use super::*;
     use crate::inspect::fixtures::{pin, pinned};
     use crate::inspect::tests::chain;
-    use crate::inspect::{Eigenpair, Spectrum};
     use faer::Par;
 
     fn inspected((system, state): &(System, State), dt: f64) -> Inspection {
@@ -248,14 +247,5 @@ mod tests {
         assert!((begin - 1.0).abs() < 0.01 && end == -1.0 && (same - 1.0).abs() < 0.01, "{begin} {end} {same}");
         let interrupted = whole.without_curve();
         assert!(pictures(&interrupted).patterns.is_none() && pictures(&interrupted).curve.is_none());
-    }
-
-    #[test]
-    fn the_low_end_is_no_longer_than_forty() {
-        let mut found = inspected(&chain(1, 1.25), 0.1);
-        let pair = |value| Eigenpair { value, vector: Vec::new(), residual: 0.0 };
-        found.spectrum = Spectrum { lowest: (0..50).map(|k| pair(f64::from(k) - 3.0)).collect(), ..found.spectrum };
-        let points: Vec<usize> = low_end(&found).series.iter().map(|series| series.points.len()).collect();
-        assert_eq!(points, [37, 3]);
     }
 }

@@ -19,17 +19,16 @@
 //! definite and stable for every step: the braked motion is smooth, plausible and wrong. `Axial` leaves the term out and is not braked, but stretches
 //! its springs too. A method that linearises at a prediction of the step's end, or solves the nonlinear equations, is not concerned.
 //!
-//! **Neighbours.** Where the step deforms the springs around, their elasticity decides about the motion and not the inertia of the ends. With
-//! `E = ½ Σ (k/l0) (n·δ)²` over the other springs at both ends, μ in ρ is `μ + dt² E/‖δ⊥‖²`. So ρ is an estimate, exact for a spring by itself.
+//! **Neighbours** that the step deforms decide with their elasticity: with `E = ½ Σ (k/l0) (n·δ)²` over the other springs at both ends, μ in ρ is
+//! `μ + dt² E/‖δ⊥‖²`. So ρ is an estimate, exact for a spring by itself.
 //!
-//! **The search** brackets the limit by trials. The excess is nearly a power of dt, so its logarithm is nearly a line over that of dt: leaps go a
-//! little beyond the zero of the line through the last two trials, until the sign changes; the Illinois method (Dowell and Jarratt 1971) then narrows
-//! the bracket.
+//! **The search** brackets the limit by trials. The logarithm of the excess is nearly a line over that of dt: leaps go a little beyond the zero of
+//! the line through the last two trials, until the sign changes; the Illinois method (Dowell and Jarratt 1971) then narrows the bracket.
 //!
 //! **Steps of other lengths** are solved with one factor. With `s = 1/dt` the matrix of a step is `P(s) = s² M + s C + K`, here with C and K positive
-//! semidefinite. Once `P(s₀)` is factored, the eigenvalues of `P(s₀)⁻¹P(s)` lie between 1 and `(s/s₀)²`, so that conjugate gradients preconditioned
-//! with the factor take some twenty solves for a step four times as long or short (Hestenes and Stiefel 1952). The error e has
-//! `eᵀP(s)e = rᵀP(s)⁻¹r ≤ rᵀM⁻¹r/s²`, which is compared with `xᵀP(s)x = xᵀb`.
+//! semidefinite. The eigenvalues of `P(s₀)⁻¹P(s)` lie between 1 and `(s/s₀)²`, so that conjugate gradients preconditioned with the factor of `P(s₀)`
+//! take some twenty solves for a step four times as long or short (Hestenes and Stiefel 1952). The error e has `eᵀP(s)e = rᵀP(s)⁻¹r ≤ rᵀM⁻¹r/s²`,
+//! which is compared with `xᵀP(s)x = xᵀb`.
 
 use super::critical::LargestStep;
 use super::oracle::Oracle;
@@ -148,27 +147,6 @@ impl Turn {
 }
 
 /// Finds the longest step from one state by the rotation of its springs.
-///
-/// # Examples
-/// ```
-/// use faer::Par;
-/// use sprung::Stiffness;
-/// use sprung::inspect::RotationLimit;
-/// # use nalgebra::Vector3;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// # builder.velocities[1] = Vector3::new(0.0, 1.0, 0.0);
-/// let (system, state) = builder.build()?;
-/// // A particle that goes round at 1 m/s, 1 m from its centre: a step of 0.5 s rotates its spring far.
-/// let worst = RotationLimit::new(&system, &state, Par::Seq)?.worst(Stiffness::Axial, 0.5);
-/// assert!(worst.is_some());
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub struct RotationLimit<'s> {
     system: &'s System,
     state: &'s State,
@@ -305,7 +283,6 @@ const LEAP: f64 = 4.0;
 /// The relative width of the bracket: an estimate needs two digits.
 const WIDTH: f64 = 0.01;
 
-/// A step that was tried.
 #[derive(Debug, Clone, Copy)]
 struct Trial {
     /// The logarithm of its length over that of the first trial.

@@ -10,11 +10,10 @@
 //!
 //! a small dense matrix: one sparse factorization and a solve a column, and every question about subsets of F is cheap.
 //!
-//! **From below.** Some springs are in every sufficient set, and N negative eigenvalues take N/2 terms or more, see `necessary`. Where the necessary
-//! springs are sufficient, by one factorization, they are the smallest set.
+//! **From below.** Where the springs that every sufficient set must hold (`necessary`) are sufficient, by one factorization, they are the smallest
+//! set.
 //!
-//! **From above.** A sufficient set comes from the local condition of [`Regularization`]. Where it is too large, it is narrowed to the necessary
-//! springs and those nearest to it, by three halvings with a factorization each.
+//! **From above.** A sufficient set comes from the local condition of [`Regularization`]; where it is too large, three halvings narrow it.
 //!
 //! **The search** in that small matrix is greedy. All terms are put back; while the rest is not positive definite, the one with the largest part in
 //! the worst eigenvector of `H = Nᵀ A_F⁻¹ N` is dropped; in the end each dropped one is put back if that does no harm, the last one first. The other
@@ -116,11 +115,9 @@ fn is_affordable(springs: usize, entries: usize) -> bool {
     springs <= ((MOST_MULTIPLICATIONS / (4.0 * entries as f64)) as usize).clamp(32, 500)
 }
 
-/// The transverse term of a spring.
 #[derive(Debug, Clone, Copy)]
 struct Term {
     rank: usize,
-    /// See [`Necessity::need`].
     need: f64,
 }
 
@@ -157,7 +154,7 @@ impl<'s> Trial<'s> {
 
     fn terms(&mut self) -> Vec<Term> {
         self.operator.update(self.extensions, Stiffness::Tension, self.combination);
-        let necessity = Necessity::new(&self.operator, &self.oracle.pattern);
+        let necessity = Necessity { operator: &self.operator, pattern: &self.oracle.pattern };
         let term = |(position, &spring): (usize, &u32)| match self.taken[position] > 0.0 {
             false => Term { rank: 0, need: 0.0 },
             true => {
@@ -181,23 +178,17 @@ impl<'s> Trial<'s> {
         // The wider the choice, the smaller the set.
         if local.len() > 128 {
             let (mut refused, mut accepted) = (necessary.len(), local.len());
-            let mut is_factored = false;
             for _ in 0..3 {
                 if accepted - refused <= 1 + accepted / 16 {
                     break;
                 }
                 let middle = refused.midpoint(accepted);
-                is_factored = self.is_definite(&local[..middle], work);
-                if is_factored {
-                    accepted = middle;
-                } else {
-                    refused = middle;
+                match self.is_definite(&local[..middle], work) {
+                    true => accepted = middle,
+                    false => refused = middle,
                 }
             }
             local.truncate(accepted);
-            if is_factored {
-                return Some(local);
-            }
         }
         self.is_definite(&local, work).then_some(local)
     }
@@ -304,7 +295,6 @@ fn choose(h: &DMatrix<f64>, owners: &[usize], count: usize, most: f64) -> (Vec<u
             None => return (order, Minimality::Enough),
         }
     }
-    // The other way round.
     let strength = |k: usize| {
         let own = owners.iter().enumerate().filter(|(_, owner)| **owner == k);
         own.map(|(column, _)| h[(column, column)]).fold(0.0, f64::max)

@@ -194,13 +194,6 @@ mod tests {
     }
 
     #[test]
-    fn negative_pairs_are_below_zero() {
-        let pair = |value| Eigenpair { value, vector: Vec::new(), residual: 0.0 };
-        let found = Spectrum { lowest: [-2.0, -1.0, 0.0, 1.0].map(pair).into(), ..Spectrum::unknown() };
-        assert_eq!(found.negative().len(), 2);
-    }
-
-    #[test]
     fn a_zero_that_was_counted_makes_the_condition_infinite() {
         let mut work = Work::default();
         for n in [3, 300] {

@@ -10,6 +10,20 @@ fn spring(stiffness: f64, rest_length: f64) -> Spring {
     Spring { stiffness, rest_length, damping: 0.0 }
 }
 
+/// A straight row of particles of one mass between held ends.
+fn row(places: impl IntoIterator<Item = f64>, mass: f64, spring: Spring) -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    for x in places {
+        builder.particle([x, 0.0, 0.0], mass);
+    }
+    let last = builder.positions.len() - 1;
+    for p in 0..last {
+        builder.spring(p, p + 1, spring);
+    }
+    builder.hold(0).hold(last);
+    builder.build().unwrap()
+}
+
 fn values(found: &Modes) -> Vec<f64> {
     found.modes.iter().map(|mode| mode.eigenvalue).collect()
 }
@@ -56,14 +70,7 @@ fn a_triangle_has_a_double_mode() {
 /// to there: below it is no eigenvalue.
 #[test]
 fn half_of_a_double_mode_is_known_to_the_edge_of_the_count() {
-    let mut builder = SystemBuilder::new();
-    for x in [0.0, 1.0, 2.0] {
-        builder.particle([x, 0.0, 0.0], 1.0);
-    }
-    builder.spring(0, 1, spring(10.0, 0.9));
-    builder.spring(1, 2, spring(10.0, 0.9));
-    builder.hold(0).hold(2);
-    let (system, state) = builder.build().unwrap();
+    let (system, state) = row([0.0, 1.0, 2.0], 1.0, spring(10.0, 0.9));
     let found = modes(&system, &state, 1).unwrap();
     // 2 T/(m l) with T = 10 · 0.1/0.9.
     assert_close(&values(&found), &[20.0 / 9.0]);
@@ -75,15 +82,7 @@ fn half_of_a_double_mode_is_known_to_the_edge_of_the_count() {
 #[test]
 fn a_taut_chain_has_the_modes_of_the_textbook() {
     let count = 30;
-    let mut builder = SystemBuilder::new();
-    for p in 0..count + 2 {
-        builder.particle([1.5 * p as f64, 0.0, 0.0], 0.5);
-    }
-    for p in 0..=count {
-        builder.spring(p, p + 1, spring(20.0, 1.0));
-    }
-    builder.hold(0).hold(count + 1);
-    let (system, state) = builder.build().unwrap();
+    let (system, state) = row((0..count + 2).map(|p| 1.5 * p as f64), 0.5, spring(20.0, 1.0));
     let (along, across) = (20.0, 20.0 * (1.5 - 1.0) / 1.5);
     let omega = |kappa: f64, k: usize| 4.0 * kappa / 0.5 * (k as f64 * PI / (2.0 * (count + 1) as f64)).sin().powi(2);
     let mut expected: Vec<f64> =
@@ -177,14 +176,7 @@ fn damping_response_and_effective_mass_of_one_mass() {
 /// Pressed together a chain buckles: the mode is a growth, and the state, which a load balances not, is said to be out of balance.
 #[test]
 fn growth_and_imbalance_are_told() {
-    let mut builder = SystemBuilder::new();
-    for x in [0.0, 0.8, 1.6] {
-        builder.particle([x, 0.0, 0.0], 1.0);
-    }
-    builder.spring(0, 1, spring(10.0, 1.0));
-    builder.spring(1, 2, spring(10.0, 1.0));
-    builder.hold(0).hold(2);
-    let (system, state) = builder.build().unwrap();
+    let (system, state) = row([0.0, 0.8, 1.6], 1.0, spring(10.0, 1.0));
     let found = modes(&system, &state, 2).unwrap();
     // 2 T/l across, with T = −2 and l = 0.8.
     assert_close(&values(&found), &[-5.0, -5.0]);
