@@ -215,7 +215,6 @@ fn counted(
     let mut search = ShiftInvert::new(pencil, factorization, work);
     search.known = rigid;
     let mut pairs = loop {
-        // Twice the space of the search.
         memory::ensure(32 * (wanted as u64 + 50) * order as u64, "the vectors of so many modes and zero modes")?;
         let pairs = search.lowest(wanted, Accuracy::FULL);
         let zeros = pairs.iter().filter(|pair| rounding.hides(pair)).count();
@@ -264,7 +263,6 @@ fn zeros_counted(search: &mut ShiftInvert<'_>, rounding: &Rounding<'_>, rigid_mo
     zeros.filter(|zeros| Some(*zeros) == nearly && *zeros >= rigid_motions)
 }
 
-/// The bodies that have rigid motions, where there are several.
 fn loose_parts(system: &System, state: &State) -> Vec<Vec<usize>> {
     let bodies = bodies(system);
     if bodies.len() < 2 {

@@ -58,23 +58,6 @@ fn lowest_eigenvalue(system: &System, state: &State) -> [f64; 2] {
     [eigenvalues.min(), eigenvalues.amax()]
 }
 
-/// N links under their own weight, dropped from the horizontal: link k carries the masses below it.
-#[test]
-fn a_hanging_chain_is_stretched_link_by_link() {
-    let (count, k) = (12, 800.0);
-    let places: Vec<[f64; 2]> = (0..=count).map(|p| [0.1 * p as f64, 0.0]).collect();
-    let mut builder = net(3, &places, (0..count).map(|p| (p, p + 1, k, 0.1)), &[0]);
-    builder.gravity(0.0, -9.81, 0.0);
-    let (system, state) = builder.build().unwrap();
-    let found = find(&system, &state);
-    assert_eq!(found.stability, Stability::Stable);
-    assert!(found.residual < 1e-12, "{}", found.residual);
-    for p in 0..count {
-        let length = 0.1 * (1.0 + (count - p) as f64 * 9.81 / k);
-        assert!((found.state.positions[p].y - found.state.positions[p + 1].y - length).abs() < 1e-11);
-    }
-}
-
 /// A weight above or at its hook, on springs and ropes whose problem has a length of its own, in one to three axes: the search passes through the
 /// point at which all lengths are zero, and leaves it where it starts there.
 #[test]

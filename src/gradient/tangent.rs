@@ -129,7 +129,6 @@ impl<'r> Tangent<'r> {
         system.dofs().reduced(&force)
     }
 
-    /// With the change of the positions that a core solved for.
     fn advance(&mut self, core: &Core, system: &System, moved: &[Vector3<f64>]) {
         let Core { tau, beta, doubles, .. } = *core;
         let [x, _] = self.base(beta);

@@ -86,24 +86,19 @@ impl Inspection {
         }
     }
 
-    /// Without negative blocks nothing grows and every step is definite.
+    /// Without negative blocks every step is stable, and under `Full` nothing grows.
     fn settled_by_springs(&mut self, system: &System, extensions: &SpringGeometry) {
-        let k = Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 };
-        if SystemOperator::new(system, extensions, Stiffness::Full, k).has_no_negative_block() {
-            self.growing_modes = 0;
-            let full = &mut self.options[Stiffness::Full as usize];
-            (full.critical, full.stable) = (LargestStep::Every, LargestStep::Every);
-            for part in [Part::GrowingModes, Part::SmallestSet, Part::Stable(Stiffness::Full)] {
-                self.set_known(part);
-            }
-        }
         let mut pencil = MatrixPencil::new(system, extensions.clone(), Property::Stable, Stiffness::Full);
-        for option in [Stiffness::Tension, Stiffness::Axial, Stiffness::Absolute] {
+        for option in Stiffness::ALL {
             pencil.option = option;
             pencil.set(0.0);
             if pencil.operator.has_no_negative_block() {
                 self.options[option as usize].stable = LargestStep::Every;
                 self.set_known(Part::Stable(option));
+                if option == Stiffness::Full {
+                    self.options[0].critical = LargestStep::Every;
+                    [Part::GrowingModes, Part::SmallestSet].into_iter().for_each(|part| self.set_known(part));
+                }
             }
         }
     }

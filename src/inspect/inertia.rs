@@ -230,7 +230,6 @@ impl InertiaCounter {
                 }
                 None => dense_signs(&shifted),
             };
-            // With the rounding of the shift and of the scale.
             let bound = match method {
                 InertiaMethod::Sparse => self.factorization.rounding_bound(None) / scale + 4.0 * f64::EPSILON,
                 _ => f64::INFINITY,

@@ -143,7 +143,6 @@ impl<'s> Inspector<'s> {
         SystemMatrix::assemble(self.pattern.clone(), operator).into_matrix()
     }
 
-    /// What is known of A under `Full`.
     fn facts(&self) -> Facts {
         let is_counted = !self.found.lacks(Part::GrowingModes);
         let lowest = self.found.spectrum.lowest.first().filter(|_| self.found.option == Stiffness::Full);

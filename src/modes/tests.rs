@@ -48,24 +48,6 @@ fn dense(system: &System, state: &State) -> Vec<f64> {
     values
 }
 
-/// An equilateral triangle at rest, in the plane: ω² = 3κ/2m twice, 3κ/m once, and three rigid motions.
-#[test]
-fn a_triangle_has_a_double_mode() {
-    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
-    for x in [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.75f64.sqrt(), 0.0]] {
-        builder.particle(x, 2.0);
-    }
-    for [i, j] in [[0, 1], [1, 2], [2, 0]] {
-        builder.spring(i, j, spring(4.0, 1.0));
-    }
-    let (system, state) = builder.build().unwrap();
-    for count in 1..=3 {
-        let found = modes(&system, &state, count).unwrap();
-        assert_close(&values(&found), &[3.0, 3.0, 6.0][..count]);
-        assert_eq!((found.zero_modes.len(), found.rigid_motions, found.complete), (3, 3, true));
-    }
-}
-
 /// A particle on a taut string swings alike along two axes. One of the two modes lies at the edge of what is counted, and its interval reaches down
 /// to there: below it is no eigenvalue.
 #[test]
