@@ -28,7 +28,7 @@ use crate::integrate::Matrices;
 use crate::linear::{CostModel, FactorSize, Ldlt, PreconditionerKind, dot};
 use crate::memory;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
-use crate::rigid::{Body, bodies, combination, rigid_motions};
+use crate::rigid::{Body, bodies, combination, rigid_motions, sums_at_ends};
 use crate::spring::Stiffness;
 use crate::system::{DofMap, State, StateView, System};
 use crate::work::Work;
@@ -394,13 +394,6 @@ fn product(a: &SymmetricMatrix, x: &[f64]) -> Vec<f64> {
 
 pub(crate) fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |largest, value| value.abs().max(largest))
-}
-
-/// The sums of what springs give to both of their ends, for every particle.
-pub(crate) fn sums_at_ends(system: &System, springs: impl Iterator<Item = ([usize; 2], f64)>) -> Vec<f64> {
-    let mut sums = vec![0.0; system.particles()];
-    springs.for_each(|(ends, value)| ends.iter().for_each(|&end| sums[end] += value));
-    sums
 }
 
 /// Weight and external forces on every particle at rest, in N.

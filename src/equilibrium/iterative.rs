@@ -10,7 +10,7 @@
 //! positive definite. The verdict rests on the lowest eigenvalues of `−K φ = λ M φ` that a preconditioned search finds; they are not counted.
 
 use super::Signs;
-use super::search::{NEAR, SINGULAR, Search, Solver};
+use super::search::{Iterative, NEAR, SINGULAR, Search, Solver};
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::{Eigenpair, Pencil, eigenpair};
 use crate::error::Result;
@@ -25,11 +25,6 @@ use crate::rigid::rigid_motions;
 use crate::spring::Stiffness;
 use crate::system::System;
 use faer::Par;
-
-pub(super) struct Iterative {
-    method: ConjugateGradient,
-    preconditioner: Preconditioner,
-}
 
 impl Solver {
     /// A factorization where it is worth its cost and fits the memory, else conjugate gradients with multigrid.

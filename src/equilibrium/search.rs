@@ -11,17 +11,16 @@
 //! **The verdict** is the inertia of −K at the end: negative eigenvalues make a saddle, from which the search goes on along the lowest mode;
 //! eigenvalues of zero leave the scene free to move.
 
-use super::iterative::Iterative;
 use super::{Equilibrium, EquilibriumOptions, Signs, Stability, loads};
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::{Accuracy, Pencil, ShiftInvert};
 use crate::error::Result;
 use crate::force::{Energy, SpringGeometry, add_elastic_force};
 use crate::integrate::{Matrices, Projection};
-use crate::linear::{Cholesky, Ldlt, dot};
-use crate::modes::{largest, sums_at_ends};
+use crate::linear::{Cholesky, ConjugateGradient, Ldlt, Preconditioner, dot};
+use crate::modes::largest;
 use crate::operator::LinearOperator;
-use crate::rigid::bodies;
+use crate::rigid::{bodies, sums_at_ends};
 use crate::spring::{Spring, Stiffness};
 use crate::system::{Axes, State, System};
 use crate::work::Work;
@@ -39,6 +38,11 @@ const HALVINGS: usize = 50;
 pub(super) enum Solver {
     Factored(Box<Cholesky>),
     Iterative(Box<Iterative>),
+}
+
+pub(super) struct Iterative {
+    pub method: ConjugateGradient,
+    pub preconditioner: Preconditioner,
 }
 
 pub(super) struct Search<'s> {
