@@ -6,20 +6,21 @@
 //! M (x' − x̃ − τ ṽ)/τ² = F(x', w),      w = v' = (x' − x̃)/τ,
 //! ```
 //!
-//! and three methods are made of it: backward Euler itself; BDF2, with `x̃ = x + β (x − x₋)`, `ṽ = v + β (v − v₋)`; and the implicit midpoint rule, a core
-//! step of half the length with `x' = 2x_m − x`, `v' = 2v_m − v`. With cotangents x̄', v̄' of its result and `J = M/τ² − K − G/τ − D`, `D = ∂f_d/∂x`,
+//! and three methods are made of it: backward Euler itself; BDF2, with `x̃ = x + β (x − x₋)`, `ṽ = v + β (v − v₋)`; and the implicit midpoint rule, a
+//! core step of half the length with `x' = 2x_m − x`, `v' = 2v_m − v`. With cotangents x̄', v̄' of its result and `J = M/τ² − K − G/τ − D`,
+//! `D = ∂f_d/∂x`,
 //!
 //! ```text
 //! Jᵀ λ = x̄' + v̄'/τ,    x̃bar = −v̄'/τ + (M/τ² − G/τ) λ,    ṽbar = M λ/τ,    p̄ += (∂F/∂p)ᵀ λ,    m̄ += −λ·(x' − x̃ − τṽ)/τ².
 //! ```
 //!
-//! J is the exact Jacobian, whatever matrix solved the step. Damping makes it unsymmetric: the factor of its symmetric part is refined with D, and where
-//! that does not converge J is factored as L U.
+//! J is the exact Jacobian, whatever matrix solved the step. Damping makes it unsymmetric: the factor of its symmetric part is refined with D, and
+//! where that does not converge J is factored as L U.
 //!
 //! **Verlet's method** needs products only; its acceleration is carried from step to step, and so is its cotangent.
 //!
-//! **Memory.** All states are kept where they fit. Beyond, checkpoints are set by binomial bisection (Griewank and Walther, ACM TOMS 26, 2000), and states
-//! between them computed again, to the same bits.
+//! **Memory.** All states are kept where they fit. Beyond, checkpoints are set by binomial bisection (Griewank and Walther, ACM TOMS 26, 2000), and
+//! states between them computed again, to the same bits.
 
 mod jacobian;
 mod parameters;
@@ -40,7 +41,7 @@ use crate::linear::{SolveFailure, SolverChoice, SolverOptions};
 use crate::memory;
 use crate::plan::RunOptions;
 use crate::simulation::Simulation;
-use crate::system::{State, System};
+use crate::system::{Dof, State, System};
 use nalgebra::Vector3;
 
 /// Derivatives of a cost by the state after a step.
@@ -87,7 +88,7 @@ pub type StateChange = [Vec<Vector3<f64>>; 2];
 pub struct DifferentiableRun<'s> {
     system: &'s System,
     method: Method,
-    lengths: Vec<f64>,
+    steps: Vec<f64>,
     /// All states, or the first and the last.
     records: Vec<Record>,
     /// Where there is no room for all: the states from which a sweep backwards starts, the first one included.
@@ -103,12 +104,9 @@ struct Record {
     acceleration: Vec<Vector3<f64>>,
 }
 
-/// Newton's method goes on to rounding: the adjoint is that of a step that was solved.
-const TOLERANCE: f64 = 1e-13;
-
 impl<'s> DifferentiableRun<'s> {
-    /// Runs for `duration` seconds with steps of dt, the last one shorter where dt does not divide the duration, and keeps as many states as fit in half
-    /// of the memory.
+    /// Runs for `duration` seconds with steps of dt, the last one shorter where dt does not divide the duration, and keeps as many states as fit in
+    /// half of the memory.
     ///
     /// # Errors
     /// A method without an adjoint; a spring law or forces of the caller's own; steps or a duration that cannot be used; a state of another system; a
@@ -117,26 +115,11 @@ impl<'s> DifferentiableRun<'s> {
         Self::interruptible(system, state, method, [dt, duration], None, Interrupt::NEVER)
     }
 
-    /// As [`new`](Self::new), with room for a number of states.
+    /// As [`new`](Self::new), with room for a number of states or as many as fit; a request to stop ends the run, and later its gradients and
+    /// tangents, at the next step.
     ///
     /// # Errors
-    /// As of [`new`](Self::new); room for fewer than two states.
-    pub fn with_checkpoints(
-        system: &'s System,
-        state: &State,
-        method: Method,
-        dt: f64,
-        duration: f64,
-        checkpoints: usize,
-    ) -> Result<Self> {
-        Self::interruptible(system, state, method, [dt, duration], Some(checkpoints), Interrupt::NEVER)
-    }
-
-    /// As [`new`](Self::new), with room for a number of states or as many as fit; a request to stop ends the run, and later its gradients
-    /// and tangents, at the next step.
-    ///
-    /// # Errors
-    /// As of [`with_checkpoints`](Self::with_checkpoints); [`Error::Breakdown`] with the status `interrupted`.
+    /// As of [`new`](Self::new); room for fewer than two states; [`Error::Breakdown`] with the status `interrupted`.
     pub fn interruptible(
         system: &'s System,
         state: &State,
@@ -178,12 +161,12 @@ impl<'s> DifferentiableRun<'s> {
             return Err(Invalid::new("dt", dt, "must give fewer than 1e9 steps").into());
         }
         let count = count as usize;
-        let mut lengths = vec![dt; count];
-        if let Some(last) = lengths.last_mut() {
+        let mut steps = vec![dt; count];
+        if let Some(last) = steps.last_mut() {
             *last = duration - dt * (count - 1) as f64;
         }
         let mut run =
-            Self { system, method, lengths, records: Vec::new(), snapshots: Vec::new(), checkpoints, interrupt };
+            Self { system, method, steps, records: Vec::new(), snapshots: Vec::new(), checkpoints, interrupt };
         let mut forward = Forward::new(&run, state)?;
         let keeps_all = count < checkpoints;
         run.records.push(forward.here.clone());
@@ -209,7 +192,7 @@ impl<'s> DifferentiableRun<'s> {
 
     /// Steps done.
     pub fn steps(&self) -> usize {
-        self.lengths.len()
+        self.steps.len()
     }
 
     /// The last state.
@@ -222,14 +205,14 @@ impl<'s> DifferentiableRun<'s> {
         self.records.iter().map(|record| &record.state)
     }
 
-    /// The time, in s, from which a gradient says little, because the motion magnifies differences to its own size; `None` where that is later than the
-    /// end. Found by a run of the same method with its errors propagated.
+    /// The time, in s, from which a gradient says little, because the motion magnifies differences to its own size; `None` where that is later than
+    /// the end. Found by a run of the same method with its errors propagated.
     ///
     /// # Errors
     /// As of [`Simulation::run`].
     pub fn predictable_until(&self) -> Result<Option<f64>> {
-        let (Some(&dt), Some(first)) = (self.lengths.first(), self.records.first()) else { return Ok(None) };
-        let duration = self.lengths.iter().sum();
+        let (Some(&dt), Some(first)) = (self.steps.first(), self.records.first()) else { return Ok(None) };
+        let duration = self.steps.iter().sum();
         let options = RunOptions { interrupt: self.interrupt, ..RunOptions::default() };
         let run = Simulation::new(self.system, first.state.clone()).options(options).method(self.method).dt(dt);
         let run = run.run(duration)?;
@@ -253,8 +236,7 @@ impl<'s> DifferentiableRun<'s> {
         reverse.add_cotangents(self.steps());
         if self.records.len() == self.steps() + 1 {
             for step in (0..self.steps()).rev() {
-                let before = step.checked_sub(1).map(|before| &self.records[before]);
-                reverse.step(step, before, &self.records[step], &self.records[step + 1])?;
+                reverse.step(step, self.record_before(step), &self.records[step], &self.records[step + 1])?;
             }
         } else {
             let (mut end, mut last) = (self.steps(), &self.records[1]);
@@ -266,34 +248,21 @@ impl<'s> DifferentiableRun<'s> {
         reverse.finish(&self.records[0])
     }
 
-    /// How the last state changes, to first order, when parameters change: forward differentiation, one solve a step. Positions and velocities.
+    /// How the states after some steps change, to first order, with each of several changes of parameters: forward differentiation. The changes share
+    /// the factorization of every step.
     ///
     /// # Errors
-    /// Parameters of another system; a step whose Jacobian is singular.
-    pub fn tangent(&self, change: &Parameters) -> Result<StateChange> {
-        let mut found = self.tangents(std::slice::from_ref(change), &[self.steps()])?;
-        Ok(found.pop().and_then(|mut states| states.pop()).unwrap_or_default())
-    }
-
-    /// As [`tangent`](Self::tangent), for several changes at once, which share the factorization of every step, and for the states after some steps: for
-    /// each change the positions and velocities after each of the steps.
-    ///
-    /// # Errors
-    /// As of [`tangent`](Self::tangent); a step that there is not, or steps that do not ascend.
+    /// Parameters of another system; a step whose Jacobian is singular; a step that there is not, or steps that do not ascend.
     pub fn tangents(&self, changes: &[Parameters], steps: &[usize]) -> Result<Vec<Vec<StateChange>>> {
         let [springs, particles] = [self.system.springs().len(), self.system.particles()];
         for change in changes {
-            for (name, length) in
-                [("stiffness", &change.stiffness), ("rest_lengths", &change.rest_lengths), ("damping", &change.damping)]
-            {
-                check_length(name, length.len(), springs)?;
-            }
+            check_length("stiffness", change.stiffness.len(), springs)?;
+            check_length("rest_lengths", change.rest_lengths.len(), springs)?;
+            check_length("damping", change.damping.len(), springs)?;
             check_length("masses", change.masses.len(), particles)?;
-            for (name, vectors) in
-                [("loads", &change.loads), ("positions", &change.positions), ("velocities", &change.velocities)]
-            {
-                check_length(name, vectors.len(), particles)?;
-            }
+            check_length("loads", change.loads.len(), particles)?;
+            check_length("positions", change.positions.len(), particles)?;
+            check_length("velocities", change.velocities.len(), particles)?;
         }
         for (index, &step) in steps.iter().enumerate() {
             if step > self.steps() || index > 0 && step <= steps[index - 1] {
@@ -315,11 +284,7 @@ impl<'s> DifferentiableRun<'s> {
         for step in 0..steps.last().copied().unwrap_or(0) {
             let mut earlier = None;
             let (before, here, next) = match &mut forward {
-                None => (
-                    step.checked_sub(1).map(|before| &self.records[before]),
-                    &self.records[step],
-                    &self.records[step + 1],
-                ),
+                None => (self.record_before(step), &self.records[step], &self.records[step + 1]),
                 Some(forward) => {
                     earlier.clone_from(&forward.before);
                     forward.step(self, step)?;
@@ -332,18 +297,23 @@ impl<'s> DifferentiableRun<'s> {
         Ok(found)
     }
 
+    /// The state before a step's first one, where all are kept.
+    fn record_before(&self, step: usize) -> Option<&Record> {
+        step.checked_sub(1).map(|before| &self.records[before])
+    }
+
     fn check_interrupt(&self, step: usize, time: f64) -> Result<()> {
         let stop = || broken(step, time, &SolveFailure::Interrupted.into());
         if self.interrupt.is_requested() { Err(stop()) } else { Ok(()) }
     }
 
-    /// The time step of a core, and β of BDF2, where a step begins.
-    fn core(&self, step: usize) -> [f64; 2] {
-        let h = self.lengths[step];
+    /// The time step τ of a core, and β of BDF2.
+    fn coefficients(&self, step: usize) -> [f64; 2] {
+        let h = self.steps[step];
         match self.method {
             Method::ImplicitMidpoint => [0.5 * h, 0.0],
             Method::Bdf2 => {
-                let omega = step.checked_sub(1).map_or(0.0, |before| h / self.lengths[before]);
+                let omega = step.checked_sub(1).map_or(0.0, |before| h / self.steps[before]);
                 [h * (1.0 + omega) / (1.0 + 2.0 * omega), omega * omega / (1.0 + 2.0 * omega)]
             }
             _ => [h, 0.0],
@@ -352,9 +322,9 @@ impl<'s> DifferentiableRun<'s> {
 
     /// (x̃, ṽ) of a core, at its start.
     fn base(&self, step: usize, before: Option<&Record>, here: &State) -> State {
-        let [tau, beta] = self.core(step);
+        let [tau, beta] = self.coefficients(step);
         let mut base = here.clone();
-        base.time = here.time + self.lengths[step] - tau;
+        base.time = here.time + self.steps[step] - tau;
         if self.method == Method::ImplicitMidpoint {
             base.time = here.time;
         }
@@ -367,11 +337,12 @@ impl<'s> DifferentiableRun<'s> {
         base
     }
 
-    /// The configuration that a core solved for, with its velocities, from the states before and after it.
-    fn solved(&self, step: usize, base: &State, here: &State, next: &State) -> State {
-        let [tau, _] = self.core(step);
+    /// The core of a step, from the states before and after it.
+    fn core(&self, step: usize, before: Option<&Record>, here: &State, next: &State) -> Core {
+        let ([tau, beta], base) = (self.coefficients(step), self.base(step, before, here));
+        let doubles = self.method == Method::ImplicitMidpoint;
         let mut solved = next.clone();
-        if self.method == Method::ImplicitMidpoint {
+        if doubles {
             solved.time = base.time + tau;
             solved.positions.iter_mut().zip(&here.positions).for_each(|(x, before)| *x = (*x + before) * 0.5);
             // A path may have a corner within the step.
@@ -380,8 +351,19 @@ impl<'s> DifferentiableRun<'s> {
         for ((v, x), base) in solved.velocities.iter_mut().zip(&solved.positions).zip(&base.positions) {
             *v = (x - base) / tau;
         }
-        solved
+        Core { tau, beta, doubles, base, solved }
     }
+}
+
+struct Core {
+    tau: f64,
+    beta: f64,
+    /// The core is half of a midpoint step.
+    doubles: bool,
+    /// (x̃, ṽ).
+    base: State,
+    /// The configuration that was solved for, with its velocities.
+    solved: State,
 }
 
 struct Forward<'s> {
@@ -401,43 +383,37 @@ impl<'s> Forward<'s> {
         } else {
             let linear = SolverOptions::default().with_solver(SolverChoice::Llt);
             let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
-            let newton = NewtonOptions { tolerance: TOLERANCE, ..NewtonOptions::default() };
+            // To rounding: the adjoint is that of a step that was solved.
+            let newton = NewtonOptions { tolerance: 1e-13, ..NewtonOptions::default() };
             Some(BackwardEuler::new(system, start, &options, newton)?)
         };
         Ok(Self { stepper, here: Record { state: start.clone(), acceleration }, before: None })
     }
 
     fn step(&mut self, run: &DifferentiableRun<'s>, step: usize) -> Result<()> {
-        let (system, h) = (run.system, run.lengths[step]);
+        let (system, h) = (run.system, run.steps[step]);
         let here = &self.here;
         run.check_interrupt(step, here.state.time)?;
         let mut next = here.clone();
         match &mut self.stepper {
             None => {
-                let free = |p: usize| system.dofs().free_axes(p);
                 let State { positions, velocities, .. } = &here.state;
-                let mut predicted = next.state.clone();
-                predicted.time += h;
-                for p in 0..system.particles() {
-                    for axis in free(p).iter() {
-                        let (v, a) = (velocities[p][axis], here.acceleration[p][axis]);
-                        predicted.positions[p][axis] = positions[p][axis] + h * (v + 0.5 * h * a);
-                        predicted.velocities[p][axis] = v + h * a;
-                    }
+                next.state.time += h;
+                for Dof { particle: p, axis } in system.dofs().iter() {
+                    let (v, a) = (velocities[p][axis], here.acceleration[p][axis]);
+                    next.state.positions[p][axis] = positions[p][axis] + h * (v + 0.5 * h * a);
+                    next.state.velocities[p][axis] = v + h * a;
                 }
-                predicted.prescribe(system);
+                next.state.prescribe(system);
                 let degenerate = |spring: DegenerateSpring| broken(step, here.state.time, &spring.into());
-                next.acceleration = accelerations(system, &predicted).map_err(degenerate)?;
-                next.state = predicted;
-                for (p, v) in velocities.iter().enumerate() {
-                    for axis in free(p).iter() {
-                        let mean = 0.5 * (here.acceleration[p][axis] + next.acceleration[p][axis]);
-                        next.state.velocities[p][axis] = v[axis] + h * mean;
-                    }
+                next.acceleration = accelerations(system, &next.state).map_err(degenerate)?;
+                for Dof { particle: p, axis } in system.dofs().iter() {
+                    let mean = 0.5 * (here.acceleration[p][axis] + next.acceleration[p][axis]);
+                    next.state.velocities[p][axis] = velocities[p][axis] + h * mean;
                 }
             }
             Some(stepper) => {
-                let [tau, _] = run.core(step);
+                let [tau, _] = run.coefficients(step);
                 let mut solved = run.base(step, self.before.as_ref(), &here.state);
                 stepper.step(&mut solved, tau).map_err(|failure| broken(step, here.state.time, &failure))?;
                 if run.method == Method::ImplicitMidpoint {

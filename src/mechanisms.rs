@@ -1,21 +1,22 @@
 //! Mechanisms and states of self-stress: the rank of the springs' directions.
 //!
-//! B has a row for every spring, n on the coordinates of one end and −n on those of the other, over the free degrees of freedom. `B u` is how fast lengths
-//! change when particles move by u, and `Bᵀ t` the forces of tensions t. With s springs, d degrees of freedom and rank r there are
+//! B has a row for every spring, n on the coordinates of one end and −n on those of the other, over the free degrees of freedom. `B u` is how fast
+//! lengths change when particles move by u, and `Bᵀ t` the forces of tensions t. With s springs, d degrees of freedom and rank r there are
 //!
 //! ```text
 //! d − r mechanisms, B u = 0 (rigid motions among them),      s − r states of self-stress, Bᵀ t = 0      (Calladine 1978)
 //! ```
 //!
-//! A spring of zero length, which has no rest length, has the stiffness κ I: it resists in every direction and has a row for every axis, so that it counts
-//! as one spring in s for each.
+//! A spring of zero length, which has no rest length, has the stiffness κ I: it resists in every direction and has a row for every axis, so that it
+//! counts as one spring in s for each.
 //!
 //! **Rank.** A singular value is zero up to rounding, and not zero from 1e-9 of the largest on; one between the two leaves the rank undecided. Small
-//! scenes are decomposed densely. Of large ones `BᵀB` is factored: the signs of the pivots of `BᵀB − τ` count the singular values below √τ, and inverse
-//! iteration finds the mechanisms. With all rounding errors bounded the gap, and in many scenes the rank, is a theorem (`mechanisms/proof.rs`).
+//! scenes are decomposed densely. Of large ones `BᵀB` is factored: the signs of the pivots of `BᵀB − τ` count the singular values below √τ, and
+//! inverse iteration finds the mechanisms. With all rounding errors bounded the gap, and in many scenes the rank, is a theorem
+//! (`mechanisms/proof.rs`).
 //!
-//! **Prestress.** A mechanism has no stiffness but that of tensions, `uᵀ(−K)u = Σ (T/l) |(I − nnᵀ)(uᵢ − uⱼ)|²`. Where that is positive for all mechanisms
-//! but rigid motions, prestress makes the structure stiff (Calladine and Pellegrino 1991).
+//! **Prestress.** A mechanism has no stiffness but that of tensions, `uᵀ(−K)u = Σ (T/l) |(I − nnᵀ)(uᵢ − uⱼ)|²`. Where that is positive for all
+//! mechanisms but rigid motions, prestress makes the structure stiff (Calladine and Pellegrino 1991).
 
 mod proof;
 
@@ -24,6 +25,7 @@ use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
 use crate::linear::{Ldlt, dot, norm};
 use crate::memory;
+use crate::modes::largest;
 use crate::rigid::{combination, rigid_motions};
 use crate::system::{DofMap, State, System};
 use crate::work::Work;
@@ -37,16 +39,8 @@ use proof::{Bounds, largest_rank, least, root_above, root_below};
 /// The largest number of degrees of freedom, and of springs, for which B is decomposed densely.
 const DENSE: usize = 1200;
 
-/// Mechanisms of a large scene that are computed; beyond, they are only counted.
-const COMPUTED: usize = 100;
-
-/// Singular values, as parts of the largest, from which on they count as not zero, and up to which they are rounding of vectors computed by inverse
-/// iteration.
+/// The part of the largest singular value from which on others count as not zero.
 const KEPT: f64 = 1e-9;
-const DROPPED: f64 = 1e-12;
-
-/// A particle moves in a mechanism where its displacement is above this part of the largest.
-const MOVES: f64 = 1e-6;
 
 /// Mechanisms and states of self-stress of a system; see [`mechanisms`].
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -72,11 +66,11 @@ pub struct Mechanisms {
     pub proven: bool,
     /// Bounds of the gap with all rounding errors, no wider than `gap`: 0 and infinity where nothing is proven, NaN where there are no such values.
     pub proven_gap: [f64; 2],
-    /// The rank is r in exact arithmetic: it is at least r, proven, and at most r, because there are no more springs, or no more
-    /// coordinates beside rigid motions, in any body. No computation proves that other singular values are zero.
+    /// The rank is r in exact arithmetic: it is at least r, proven, and at most r, because there are no more springs, or no more coordinates beside
+    /// rigid motions, in any body. No computation proves that other singular values are zero.
     pub rank_is_exact: bool,
-    /// Whether prestress stiffens every mechanism that is not a rigid motion: by the tensions at hand, or, where nothing is strained, by the only state
-    /// of self-stress. `None` without such mechanisms, or where there are several states to choose from.
+    /// Whether prestress stiffens every mechanism that is not a rigid motion: by the tensions at hand, or, where nothing is strained, by the only
+    /// state of self-stress. `None` without such mechanisms, or where there are several states to choose from.
     pub prestress_stable: Option<bool>,
     /// A basis of the mechanisms beside rigid motions, over the free degrees of freedom, as local as elimination makes it; fewer than all in large
     /// scenes with very many.
@@ -88,8 +82,8 @@ pub struct Mechanisms {
     /// component is in its place, and the others follow behind all springs.
     #[serde(skip)]
     pub self_stress: Vec<Vec<f64>>,
-    /// Pairs of particles between which springs remove mechanisms, chosen greedily. At least as many springs are needed as there are mechanisms beside
-    /// rigid motions, so that a list of that length is a smallest one; it is shorter where no spring helps.
+    /// Pairs of particles between which springs remove mechanisms, chosen greedily. At least as many springs are needed as there are mechanisms
+    /// beside rigid motions, so that a list of that length is a smallest one; it is shorter where no spring helps.
     pub added_springs: Vec<[usize; 2]>,
     #[serde(skip)]
     dofs: DofMap,
@@ -167,9 +161,7 @@ pub fn mechanisms(system: &System, state: &State) -> Result<Mechanisms> {
 impl Mechanisms {
     /// The displacement of every particle in one of `motions`.
     pub fn shape(&self, motion: &[f64]) -> Vec<Vector3<f64>> {
-        let mut shape = vec![Vector3::zeros(); self.dofs.particles()];
-        self.dofs.scatter(motion, &mut shape);
-        shape
+        self.dofs.full(motion)
     }
 }
 
@@ -181,11 +173,9 @@ struct NullSpaces {
     /// An orthonormal basis of the null space of B, and of that of Bᵀ.
     motions: Vec<Vec<f64>>,
     stresses: Vec<Vec<f64>>,
-    /// Whether all motions are there.
     is_complete: bool,
 }
 
-/// B.
 #[derive(Clone, Copy)]
 struct Directions<'a> {
     system: &'a System,
@@ -235,16 +225,8 @@ impl Directions<'_> {
         }
         if d == 0 || s == 0 {
             let unit = |n: usize| (0..n).map(|k| (0..n).map(|l| f64::from(u8::from(k == l))).collect()).collect();
-            let gap = [f64::NAN, f64::NAN];
-            return Ok(NullSpaces {
-                rank: 0,
-                gap,
-                decided: true,
-                bounds: Bounds::NONE,
-                motions: unit(d),
-                stresses: unit(s),
-                is_complete: true,
-            });
+            let (gap, bounds, motions, stresses) = ([f64::NAN; 2], Bounds::NONE, unit(d), unit(s));
+            return Ok(NullSpaces { rank: 0, gap, decided: true, bounds, motions, stresses, is_complete: true });
         }
         // Sequential: the bits must not depend on the number of threads.
         let full = ComputeSvdVectors::Full;
@@ -266,7 +248,7 @@ impl Directions<'_> {
         let rounding = f64::EPSILON * d.max(s) as f64;
         let largest = values.first().copied().unwrap_or(0.0);
         let rank = values.iter().filter(|value| **value > largest * (rounding * KEPT).sqrt()).count();
-        let gap = [rank.checked_sub(1).map_or(f64::NAN, |k| values[k]), values.get(rank).copied().unwrap_or(f64::NAN)];
+        let gap = [rank.checked_sub(1), Some(rank)].map(|k| k.and_then(|k| values.get(k)).copied().unwrap_or(f64::NAN));
         let decided = rank == 0 || gap[0] >= KEPT * largest && (gap[1].is_nan() || gap[1] <= 10.0 * rounding * largest);
         let columns =
             |u: faer::MatRef<'_, f64>| (rank..u.ncols()).map(|k| u.col(k).iter().copied().collect()).collect();
@@ -308,15 +290,15 @@ impl Directions<'_> {
         let (mut gap, mut decided) = ([f64::NAN; 2], low.is_some() && low == high);
         let mut motions = Vec::new();
         let mut found = zeros;
-        if zeros <= COMPUTED {
+        if zeros <= 100 {
             let pairs = search.lowest((zeros + 1).min(d), Accuracy::FULL);
             let complete = search.edge.is_some();
             let sizes: Vec<f64> = pairs.iter().map(|pair| self.stretch(&pair.vector)).collect();
-            found = sizes.iter().filter(|size| **size <= (DROPPED * KEPT).sqrt() * largest).count();
-            let of = |kept: bool| {
-                sizes.iter().enumerate().filter(move |(k, _)| (*k >= found) == kept).map(|(_, size)| *size)
-            };
-            gap = [of(true).reduce(f64::min).unwrap_or(f64::NAN), of(false).reduce(f64::max).unwrap_or(f64::NAN)];
+            // Vectors computed by inverse iteration have 1e-12 by rounding.
+            found = sizes.iter().filter(|size| **size <= (1e-12 * KEPT).sqrt() * largest).count();
+            let (dropped, kept) = sizes.split_at(found);
+            // The minimum and the maximum with a NaN are those of the other number.
+            gap = [kept.iter().copied().fold(f64::NAN, f64::min), dropped.iter().copied().fold(f64::NAN, f64::max)];
             decided =
                 complete && (found == d || gap[0] >= KEPT * largest) && (gap[1].is_nan() || gap[1] <= 1e-10 * largest);
             let edge = search.edge.filter(|edge| pairs.iter().filter(|pair| pair.value < *edge).count() <= found);
@@ -335,20 +317,16 @@ impl Directions<'_> {
 
     /// Whether tensions stiffen all motions of a set: those at hand, or else the only state of self-stress, where these states are known.
     fn prestress_stable(&self, motions: &[Vec<f64>], stresses: Option<&Vec<Vec<f64>>>) -> Option<bool> {
-        let tension = |spring: &crate::spring::Spring, at| spring.stiffness * spring.strain(at);
-        let tensions: Vec<f64> =
-            self.geometry.springs(self.system).map(|((_, _, spring), at)| tension(spring, at)).collect();
-        let stiffest =
-            self.geometry.springs(self.system).map(|((_, _, spring), _)| spring.stiffness).fold(0.0, f64::max);
-        let strained = tensions.iter().any(|tension| tension.abs() > 1e-9 * stiffest);
-        if strained {
+        let springs = || self.geometry.springs(self.system);
+        let tensions: Vec<f64> = springs().map(|((.., spring), at)| spring.stiffness * spring.strain(at)).collect();
+        let stiffest = springs().map(|((.., spring), _)| spring.stiffness).fold(0.0, f64::max);
+        if tensions.iter().any(|tension| tension.abs() > 1e-9 * stiffest) {
             return Some(self.stiffens(&tensions, motions));
         }
         match stresses?.as_slice() {
             [] => Some(false),
             [stress] => Some([1.0, -1.0].iter().any(|sign| {
-                let springs = self.geometry.springs(self.system);
-                let tensions: Vec<f64> = springs.map(|((number, ..), _)| sign * stress[number]).collect();
+                let tensions: Vec<f64> = springs().map(|((number, ..), _)| sign * stress[number]).collect();
                 self.stiffens(&tensions, motions)
             })),
             _ => None,
@@ -413,25 +391,20 @@ fn without(vectors: &[Vec<f64>], basis: &[Vec<f64>]) -> Vec<Vec<f64>> {
     kept.map(|k| combination(&rest, eigenvectors.column(k))).collect()
 }
 
-/// The same space beside rigid motions with vectors as local as elimination makes them. Rigid motions are eliminated first, each by a coordinate at which
-/// it is largest, so that the others are relative to a body that is held there; then every vector from all others at its own largest coordinate.
+/// The same space beside rigid motions with vectors as local as elimination makes them. Rigid motions are eliminated first, each by a coordinate at
+/// which it is largest, so that the others are relative to a body that is held there; then every vector from all others at its own largest
+/// coordinate.
 fn localised(motions: &[Vec<f64>], rigid: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut all: Vec<Vec<f64>> = rigid.iter().chain(motions).cloned().collect();
     let mut open: Vec<usize> = (0..all.len()).collect();
     let mut kept = Vec::new();
     for step in 0..all.len() {
         let candidates = || open.iter().copied().filter(|&k| step >= rigid.len() || k < rigid.len());
-        let largest = |k: usize| {
-            all[k]
-                .iter()
-                .enumerate()
-                .fold((0, 0.0f64), |best, (row, u)| if u.abs() > 1.000_001 * best.1 { (row, u.abs()) } else { best })
-        };
-        let Some((k, (row, size))) =
-            candidates().map(|k| (k, largest(k))).reduce(|a, b| if b.1.1 > 1.000_001 * a.1.1 { b } else { a })
-        else {
-            break;
-        };
+        // Of those that are equal but for rounding the first.
+        let larger = |a: (usize, f64), b: (usize, f64)| if b.1 > 1.000_001 * a.1 { b } else { a };
+        let largest = |k: usize| all[k].iter().map(|u| u.abs()).enumerate().fold((0, 0.0), larger);
+        let Some((k, _)) = candidates().map(|k| (k, largest(k).1)).reduce(larger) else { break };
+        let (row, size) = largest(k);
         // What is left of vectors that depend on those before is rounding.
         if size < 1e-7 {
             break;
@@ -455,21 +428,17 @@ fn localised(motions: &[Vec<f64>], rigid: &[Vec<f64>]) -> Vec<Vec<f64>> {
 }
 
 fn movers(dofs: &DofMap, motion: &[f64]) -> Vec<usize> {
-    let largest = motion.iter().fold(0.0f64, |largest, u| largest.max(u.abs()));
-    (0..dofs.particles()).filter(|&p| dofs.get(motion, p).amax() > MOVES * largest).collect()
+    let largest = largest(motion);
+    (0..dofs.particles()).filter(|&p| dofs.get(motion, p).amax() > 1e-6 * largest).collect()
 }
 
-/// Pairs in which a greedy choice looks for springs.
-const CANDIDATES: usize = 400;
-
-/// Springs that take mechanisms away one by one: each between the pair whose length changes fastest under what is left.
+/// Springs that take mechanisms away one by one: each between the pair whose length changes fastest under what is left, of the first 400 particles.
 fn added_springs(system: &System, state: &State, mut motions: Vec<Vec<f64>>, movers: &[Vec<usize>]) -> Vec<[usize; 2]> {
     let mut members: Vec<usize> = movers.concat();
-    let neighbours: Vec<usize> = system.pairs().iter().flatten().map(|&p| p as usize).collect();
-    members.extend(neighbours);
+    members.extend(system.pairs().iter().flatten().map(|&p| p as usize));
     members.sort_unstable();
     members.dedup();
-    members.truncate(CANDIDATES);
+    members.truncate(400);
     let dofs = system.dofs();
     let joined: std::collections::HashSet<[usize; 2]> =
         system.pairs().iter().map(|&[i, j]| [i.min(j) as usize, i.max(j) as usize]).collect();

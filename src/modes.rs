@@ -7,14 +7,12 @@
 //! of the motion linearised about a state: small vibrations where that is an equilibrium. A negative ω² is a motion that grows as `exp(|ω| t)`.
 //!
 //! **Counted.** By Sylvester's law `−K − σM = L D Lᵀ` has as many negative pivots as there are ω² < σ. With σ just below the last mode reported, that
-//! number proves that none is missing. Each ω² is enclosed by the residual of its mode, `‖M^{-1/2}(−Kφ − ω²Mφ)‖` (Parlett, The Symmetric Eigenvalue
-//! Problem, 15.9). With all rounding errors of residuals and of the count bounded (`eigen/enclosure.rs`, `linear/certificate.rs`) count and enclosures
-//! are theorems about the stored K and M.
+//! number proves that none is missing. With all rounding errors of residuals and of the count bounded (`eigen/enclosure.rs`, `linear/certificate.rs`)
+//! count and enclosures are theorems about the stored K and M.
 //!
-//! **Zero modes.** Rigid motions of a body that nothing strains or holds, and mechanisms, have ω² = 0 up to rounding of K. The search starts from the
-//! rigid motions, which are known. An eigenvalue within rounding of zero counts as zero: rounding of sums, relative to ‖M⁻¹K‖, and that of positions, which
-//! leaves springs strained that are at rest. The gap to the next one is reported. Where all modes asked for grow, zero modes lie above them: their number is
-//! then that of the eigenvalues between two shifts on both sides of zero.
+//! **Zero modes.** Rigid motions, from which the search starts, and mechanisms have ω² = 0 up to rounding: that of sums, relative to ‖M⁻¹K‖, and that
+//! of positions, which leaves springs strained that are at rest. Where all modes asked for grow, the zero modes above them are counted between two
+//! shifts on both sides of zero.
 //!
 //! **Damping.** `φᵀ(−G)φ/(2ω)`, exact where modes diagonalise G.
 
@@ -30,7 +28,7 @@ use crate::integrate::Matrices;
 use crate::linear::{CostModel, FactorSize, Ldlt, PreconditionerKind, dot};
 use crate::memory;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
-use crate::rigid::{Body, bodies, combination, rigid_motions};
+use crate::rigid::{Body, bodies, combination, rigid_motions, sums_at_ends};
 use crate::spring::Stiffness;
 use crate::system::{DofMap, State, StateView, System};
 use crate::work::Work;
@@ -41,9 +39,6 @@ use std::f64::consts::TAU;
 
 /// An eigenvalue counts as zero up to this part of ‖M⁻¹K‖: some units in the last place of the sums in K and in `φᵀKφ`.
 const ZERO: f64 = 32.0 * f64::EPSILON;
-
-/// Iterations with multigrid that a factorization may cost, because it counts: some ten times what a search without one takes.
-const WORTH_COUNTING: f64 = 1e4;
 
 /// Zero modes that are computed at most.
 const ZEROS: usize = 1000;
@@ -97,9 +92,9 @@ pub struct Modes {
     pub gap: [f64; 2],
     /// Whether the number of eigenvalues below `counted_below` proves that no mode is missing.
     pub complete: bool,
-    /// Whether that number is a theorem about the stored matrices: with a rigorous bound of the rounding errors of the count, the intervals
-    /// that [`Mode::error_bound`] gives hold as many eigenvalues as there are modes below a shift, and no more lie below it. Otherwise the count
-    /// holds to rounding.
+    /// Whether that number is a theorem about the stored matrices: with a rigorous bound of the rounding errors of the count, the intervals that
+    /// [`Mode::error_bound`] gives hold as many eigenvalues as there are modes below a shift, and no more lie below it. Otherwise the count holds to
+    /// rounding.
     pub proven: bool,
     /// A shift just below the last mode, in 1/s².
     pub counted_below: f64,
@@ -147,7 +142,8 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
     let rigid_motions = rigid.len();
     let mut work = Work::default();
     let costs = CostModel::of(system);
-    let most = WORTH_COUNTING * costs.iteration(PreconditionerKind::Multigrid);
+    // Because it counts, a factorization may cost some ten times what a search without one takes.
+    let most = 1e4 * costs.iteration(PreconditionerKind::Multigrid);
     let is_worth = |size: FactorSize, bytes: u64| {
         costs.factorization(size) <= most && memory::ensure(bytes, "a factorization").is_ok()
     };
@@ -167,8 +163,8 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
     };
     let pairs = pairs.into_iter().zip(bounds);
     let (zeros, others): (Vec<_>, Vec<_>) = pairs.partition(|(pair, _)| rounding.hides(pair));
-    let sizes = |pairs: &[(Eigenpair, f64)]| pairs.iter().map(|(pair, _)| pair.value.abs()).collect::<Vec<_>>();
-    let gap = [sizes(&zeros).into_iter().fold(0.0, f64::max), sizes(&others).into_iter().fold(f64::INFINITY, f64::min)];
+    let size = |(pair, _): &(Eigenpair, f64)| pair.value.abs();
+    let gap = [zeros.iter().map(size).fold(0.0, f64::max), others.iter().map(size).fold(f64::INFINITY, f64::min)];
     // All that are lower have been found, where a mode above zero has.
     let is_past_zero = zeros.len() + others.len() == order || others.last().is_some_and(|(pair, _)| pair.value > 0.0);
     let zero_count = if is_past_zero { Some(zeros.len()) } else { zeros_above };
@@ -219,7 +215,6 @@ fn counted(
     let mut search = ShiftInvert::new(pencil, factorization, work);
     search.known = rigid;
     let mut pairs = loop {
-        // Twice the space of the search.
         memory::ensure(32 * (wanted as u64 + 50) * order as u64, "the vectors of so many modes and zero modes")?;
         let pairs = search.lowest(wanted, Accuracy::FULL);
         let zeros = pairs.iter().filter(|pair| rounding.hides(pair)).count();
@@ -260,14 +255,14 @@ fn counted(
     Ok(Found { pairs, bounds, complete, proven, counted_below, zeros_above })
 }
 
-/// The number of eigenvalues within rounding of zero, where as many lie within a thousand times that: otherwise not all of them can be told from others.
+/// The number of eigenvalues within rounding of zero, where as many lie within a thousand times that: otherwise not all of them can be told from
+/// others.
 fn zeros_counted(search: &mut ShiftInvert<'_>, rounding: &Rounding<'_>, rigid_motions: usize) -> Option<usize> {
     let narrow = rounding.of_sums.max(rounding.of_positions_at_most());
     let [zeros, nearly] = [narrow, 1e3 * narrow].map(|band| search.below(band)?.checked_sub(search.below(-band)?));
     zeros.filter(|zeros| Some(*zeros) == nearly && *zeros >= rigid_motions)
 }
 
-/// The bodies that have rigid motions, where there are several.
 fn loose_parts(system: &System, state: &State) -> Vec<Vec<usize>> {
     let bodies = bodies(system);
     if bodies.len() < 2 {
@@ -308,31 +303,26 @@ impl Rounding<'_> {
         self.transverse().map(|([i, j], size)| size * (dofs.get(vector, i) - dofs.get(vector, j)).norm_squared()).sum()
     }
 
-    /// The largest [`of_positions`](Self::of_positions) that a vector with `uᵀMu = 1` can have: as `|uᵢ − uⱼ|² ≤ 2 |uᵢ|² + 2 |uⱼ|²`, twice the largest sum
-    /// of `κ δ/l` at a particle over its mass.
+    /// The largest [`of_positions`](Self::of_positions) that a vector with `uᵀMu = 1` can have: as `|uᵢ − uⱼ|² ≤ 2 |uᵢ|² + 2 |uⱼ|²`, twice the
+    /// largest sum of `κ δ/l` at a particle over its mass.
     fn of_positions_at_most(&self) -> f64 {
-        let mut sums = vec![0.0; self.system.particles()];
-        self.transverse().for_each(|(ends, size)| ends.iter().for_each(|&end| sums[end] += size));
+        let sums = sums_at_ends(self.system, self.transverse());
         let free = self.system.masses().iter().enumerate().filter(|(p, _)| !self.system.dofs().rows(*p).is_empty());
         free.map(|(p, mass)| 2.0 * sums[p] / mass).fold(0.0, f64::max)
     }
 
     /// The square of the norm `‖M^{-1/2} f‖` of the forces that they give to a motion.
     fn of_forces(&self, motion: &[f64]) -> f64 {
-        let dofs = self.system.dofs();
-        let mut forces = vec![0.0; self.system.particles()];
-        for ([i, j], size) in self.transverse() {
-            let force = size * (dofs.get(motion, i) - dofs.get(motion, j)).norm();
-            forces[i] += force;
-            forces[j] += force;
-        }
-        let masses = self.system.masses();
+        let (dofs, masses) = (self.system.dofs(), self.system.masses());
+        let force =
+            |([i, j], size): ([usize; 2], f64)| ([i, j], size * (dofs.get(motion, i) - dofs.get(motion, j)).norm());
+        let forces = sums_at_ends(self.system, self.transverse().map(force));
         (0..forces.len()).filter(|&p| !dofs.rows(p).is_empty()).map(|p| forces[p].powi(2) / masses[p]).sum()
     }
 }
 
-/// The lowest pairs by products and multigrid, without a factorization and without a count: Davidson's method on `M⁻¹A`, preconditioned with multigrid for
-/// `A + sM`, s small against ‖M⁻¹A‖, under option *tension* where A is not positive definite.
+/// The lowest pairs by products and multigrid, without a factorization and without a count: Davidson's method on `M⁻¹A`, preconditioned with
+/// multigrid for `A + sM`, s small against ‖M⁻¹A‖, under option *tension* where A is not positive definite.
 pub(crate) fn uncounted(
     system: &System,
     state: &State,
@@ -342,23 +332,18 @@ pub(crate) fn uncounted(
     wanted: usize,
     work: &mut Work,
 ) -> Result<Vec<Eigenpair>> {
-    /// Vectors that are improved together, and steps at most.
-    const BLOCK: usize = 4;
-    const STEPS: usize = 300;
-    /// s, as a part of ‖M⁻¹A‖.
-    const SHIFT: f64 = 1e-9;
     let n = masses.len();
-    let search = Search::new(End::Lowest, wanted, BLOCK);
+    // Four vectors are improved together.
+    let search = Search::new(End::Lowest, wanted, 4);
     memory::ensure(16 * (search.capacity as u64 + 60) * n as u64, "the vectors of a search for modes")?;
     let geometry = SpringGeometry::at(system, state)?;
-    let shift = SHIFT * Pencil { masses: Some(masses), ..Pencil::of(a) }.norm();
-    let positive = |option| {
-        SystemOperator::new(system, &geometry, option, Combination { mass: shift, damping: 0.0, stiffness: -1.0 })
+    let shift = 1e-9 * Pencil { masses: Some(masses), ..Pencil::of(a) }.norm();
+    let shifted = |mass, option| {
+        SystemOperator::new(system, &geometry, option, Combination { mass, damping: 0.0, stiffness: -1.0 })
     };
-    let build = |option| multigrid_for(&positive(option), &state.positions);
+    let build = |option| multigrid_for(&shifted(shift, option), &state.positions);
     let mut multigrid = build(Stiffness::Full).or_else(|| build(Stiffness::Tension));
-    let minus_k = Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 };
-    let products = SystemOperator::new(system, &geometry, Stiffness::Full, minus_k);
+    let products = shifted(0.0, Stiffness::Full);
     let mut apply = |x: &[f64], y: &mut [f64]| {
         for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
             products.apply(x, y);
@@ -378,9 +363,8 @@ pub(crate) fn uncounted(
     space.start(rigid.iter().map(|pair| &pair.vector[..]), &mut apply);
     space.refresh(&mut apply);
     let tolerance = Tolerance { of_value: 1e-7, of_norm: 1e-14 };
-    let found = space.iterate(tolerance, STEPS, &mut apply, Some(&mut precondition));
-    let pairs = found.into_iter().take(wanted);
-    Ok(pairs.map(|pair| Eigenpair { value: pair.value, vector: pair.vector, residual: pair.residual }).collect())
+    let found = space.iterate(tolerance, 300, &mut apply, Some(&mut precondition));
+    Ok(found.into_iter().take(wanted).map(Eigenpair::from).collect())
 }
 
 /// The motions of a set, orthonormal in M, that a matrix does not resist.
@@ -388,24 +372,28 @@ fn unresisted(a: &SymmetricMatrix, masses: &[f64], motions: Vec<Vec<f64>>, round
     if motions.is_empty() {
         return Vec::new();
     }
-    let forces = motions.iter().map(|motion| {
-        let mut force = vec![0.0; a.order()];
-        a.apply(motion, &mut force);
-        force
-    });
-    let forces: Vec<_> = forces.collect();
+    let forces: Vec<Vec<f64>> = motions.iter().map(|motion| product(a, motion)).collect();
     // Of the rotations of a strained body some combinations may be free: those of the null space of RᵀAM⁻¹AR.
-    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).zip(masses).map(|((a, b), mass)| a * b / mass).sum::<f64>();
-    let form = DMatrix::from_fn(motions.len(), motions.len(), |i, j| product(&forces[i], &forces[j]));
+    let inner = |a: &[f64], b: &[f64]| a.iter().zip(b).zip(masses).map(|((a, b), mass)| a * b / mass).sum::<f64>();
+    let form = DMatrix::from_fn(motions.len(), motions.len(), |i, j| inner(&forces[i], &forces[j]));
     let eigen = nalgebra::SymmetricEigen::new(form);
     let of_positions = motions.iter().map(|motion| rounding.of_forces(motion)).sum::<f64>().sqrt();
     let zero = rounding.of_sums.max(of_positions);
-    let free = (0..motions.len()).filter(|&k| eigen.eigenvalues[k].max(0.0).sqrt() <= zero);
-    free.map(|k| {
+    let pair = |k: usize| {
         let vector = combination(&motions, eigen.eigenvectors.column(k));
         Eigenpair { value: 0.0, residual: eigen.eigenvalues[k].max(0.0).sqrt(), vector }
-    })
-    .collect()
+    };
+    (0..motions.len()).map(pair).filter(|pair| pair.residual <= zero).collect()
+}
+
+fn product(a: &SymmetricMatrix, x: &[f64]) -> Vec<f64> {
+    let mut product = vec![0.0; x.len()];
+    a.apply(x, &mut product);
+    product
+}
+
+pub(crate) fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |largest, value| value.abs().max(largest))
 }
 
 /// Weight and external forces on every particle at rest, in N.
@@ -423,11 +411,7 @@ pub(crate) fn imbalance(system: &System, state: &State) -> Result<f64> {
     let geometry = SpringGeometry::at(system, state)?;
     add_elastic_force(system, &geometry, &mut springs);
     let loads = loads_at_rest(system, state);
-    let largest = |forces: &[Vector3<f64>]| {
-        let mut reduced = vec![0.0; system.dofs().len()];
-        system.dofs().gather(forces, &mut reduced);
-        reduced.iter().fold(0.0f64, |largest, f| largest.max(f.abs()))
-    };
+    let largest = |forces: &[Vector3<f64>]| largest(&system.dofs().reduced(forces));
     let tension = geometry.springs(system).map(|((_, _, spring), at)| spring.elastic_force(at).norm());
     let acting = tension.fold(largest(&springs).max(largest(&loads)), f64::max);
     let total: Vec<_> = springs.iter().zip(&loads).map(|(a, b)| a + b).collect();
@@ -443,9 +427,8 @@ impl Mode {
         if largest < 0.0 {
             vector.iter_mut().for_each(|u| *u = -*u);
         }
-        let mut product = vec![0.0; vector.len()];
-        damping.apply(&vector, &mut product);
-        let damping_ratio = (eigenvalue > 0.0).then(|| 0.0 - 0.5 * dot(&vector, &product) / eigenvalue.sqrt());
+        let curvature = dot(&vector, &product(damping, &vector));
+        let damping_ratio = (eigenvalue > 0.0).then(|| 0.0 - 0.5 * curvature / eigenvalue.sqrt());
         let mut participation = [0.0; 3];
         for ((dof, u), mass) in dofs.iter().zip(&vector).zip(masses) {
             participation[dof.axis] += mass * u;
@@ -468,36 +451,22 @@ pub struct StateSpace {
 impl Modes {
     /// The displacement of every particle in a mode, in kg^{-1/2}.
     pub fn shape(&self, mode: &Mode) -> Vec<Vector3<f64>> {
-        let mut shape = vec![Vector3::zeros(); self.dofs.particles()];
-        self.dofs.scatter(&mode.vector, &mut shape);
-        shape
+        self.dofs.full(&mode.vector)
     }
 
     /// Φ and ΦᵀGΦ of zero modes and modes together, ascending in ω².
     fn reduced(&self) -> (Vec<&Mode>, DMatrix<f64>) {
         let mut all: Vec<&Mode> = self.zero_modes.iter().chain(&self.modes).collect();
         all.sort_by(|a, b| a.eigenvalue.total_cmp(&b.eigenvalue));
-        let products = all.iter().map(|mode| {
-            let mut product = vec![0.0; mode.vector.len()];
-            self.damping.apply(&mode.vector, &mut product);
-            product
-        });
-        let products: Vec<_> = products.collect();
+        let products: Vec<Vec<f64>> = all.iter().map(|mode| product(&self.damping, &mode.vector)).collect();
         let damping = DMatrix::from_fn(all.len(), all.len(), |i, j| dot(&all[i].vector, &products[j]));
         (all, damping)
     }
 
     fn check_rows(&self, name: &str, rows: &[usize]) -> Result<()> {
-        match rows.iter().enumerate().find(|(_, row)| **row >= self.dofs.len()) {
-            Some((index, row)) => Err(Invalid::new(
-                name,
-                row,
-                format!("must be below the number of degrees of freedom, {}", self.dofs.len()),
-            )
-            .at(index)
-            .into()),
-            None => Ok(()),
-        }
+        let Some(index) = rows.iter().position(|row| *row >= self.dofs.len()) else { return Ok(()) };
+        let rule = format!("must be below the number of degrees of freedom, {}", self.dofs.len());
+        Err(Invalid::new(name, rows[index], rule).at(index).into())
     }
 
     /// The modes found, zero modes among them, as a linear system from forces at some degrees of freedom to displacements of others.
@@ -520,16 +489,15 @@ impl Modes {
         Ok(StateSpace { a, b, c })
     }
 
-    /// The displacements, in m, that a force `Re(f e^{iωt})` on the free degrees of freedom drives, as complex amplitudes: `x = Φ (Ω² − ω² − iω ΦᵀGΦ)⁻¹ Φᵀ f`
-    /// by the modes found. One vector for each frequency in Hz.
+    /// The displacements, in m, that a force `Re(f e^{iωt})` on the free degrees of freedom drives, as complex amplitudes:
+    /// `x = Φ (Ω² − ω² − iω ΦᵀGΦ)⁻¹ Φᵀ f` by the modes found. One vector for each frequency in Hz.
     ///
     /// # Errors
     /// A force whose length is not the number of degrees of freedom; a frequency at which an undamped mode resonates.
     pub fn harmonic_response(&self, force: &[f64], frequencies: &[f64]) -> Result<Vec<Vec<c64>>> {
         check_length("force", force.len(), self.dofs.len())?;
         let (all, damping) = self.reduced();
-        let load =
-            DVector::from_iterator(all.len(), all.iter().map(|mode| nalgebra::Complex::from(dot(&mode.vector, force))));
+        let load = DVector::from_fn(all.len(), |k, _| nalgebra::Complex::from(dot(&all[k].vector, force)));
         let response = |(index, &frequency): (usize, &f64)| {
             let omega = TAU * frequency;
             let mut matrix = damping.map(|g| nalgebra::Complex::new(0.0, -omega * g));
@@ -538,9 +506,8 @@ impl Modes {
             }
             let amplitudes =
                 matrix.lu().solve(&load).filter(|x| x.iter().all(|x| x.re.is_finite() && x.im.is_finite()));
-            let amplitudes = amplitudes.ok_or_else(|| {
-                Error::from(Invalid::new("frequencies", frequency, "must not be that of an undamped mode").at(index))
-            })?;
+            let resonance = || Invalid::new("frequencies", frequency, "must not be that of an undamped mode").at(index);
+            let amplitudes = amplitudes.ok_or_else(|| Error::from(resonance()))?;
             let mut x = vec![c64::new(0.0, 0.0); self.dofs.len()];
             for (mode, amplitude) in all.iter().zip(&amplitudes) {
                 x.iter_mut().zip(&mode.vector).for_each(|(x, u)| *x += c64::new(amplitude.re * u, amplitude.im * u));

@@ -63,6 +63,13 @@ pub(crate) fn first_connected(particles: usize, pairs: impl Iterator<Item = [usi
     (0..particles).map(|p| root(&mut parent, p)).collect()
 }
 
+/// The sums of what springs give to both of their ends, for every particle.
+pub(crate) fn sums_at_ends(system: &System, springs: impl Iterator<Item = ([usize; 2], f64)>) -> Vec<f64> {
+    let mut sums = vec![0.0; system.particles()];
+    springs.for_each(|(ends, value)| ends.iter().for_each(|&end| sums[end] += value));
+    sums
+}
+
 /// Positions moved rigidly to where they are nearest to a reference, by the singular value decomposition of their covariance (Kabsch,
 /// Acta Cryst. A32, 1976).
 pub(crate) fn rigidly_aligned(reference: &[Vector3<f64>], positions: &[Vector3<f64>]) -> Vec<Vector3<f64>> {

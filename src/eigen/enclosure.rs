@@ -1,17 +1,17 @@
 //! Rigorous enclosures of eigenvalues: residuals with all of their rounding errors, and clusters.
 //!
-//! For vectors X of full rank and any Θ = diag(θ) as many eigenvalues of A φ = λ M φ, each counted as often as it occurs, can be paired
-//! with the θ such that (Kahan 1967; Cao, Xie and Li, SIAM J. Matrix Anal. Appl. 17, 1996)
+//! For vectors X of full rank and any Θ = diag(θ) as many eigenvalues of A φ = λ M φ, each counted as often as it occurs, can be paired with the θ
+//! such that (Kahan 1967; Cao, Xie and Li, SIAM J. Matrix Anal. Appl. 17, 1996)
 //!
 //! ```text
 //! |λ_k − θ_k| ≤ ‖M^{-1/2}(AX − MXΘ)‖₂ / σ_min(M^{1/2}X),      σ_min² ≥ 1 − ‖XᵀMX − I‖_∞
 //! ```
 //!
-//! in the order of their sizes. A single pair has its own residual. Pairs whose intervals meet are one cluster, with the root of the sum
-//! of the squares of their residuals. Clusters are disjoint in the end: each holds at least as many eigenvalues as it has pairs.
+//! in the order of their sizes. A single pair has its own residual. Pairs whose intervals meet are one cluster, with the root of the sum of the
+//! squares of their residuals. Clusters are disjoint in the end: each holds at least as many eigenvalues as it has pairs.
 //!
-//! **Rounding.** `r = Ax − θMx` is computed with an error of at most `γ_m (|A||x| + |θ|M|x|)` in each component, m the entries in its row of
-//! A and a few more (Higham 2002, 3.5); sums of n products of vectors with `γ_n` of the product of their lengths.
+//! **Rounding.** `r = Ax − θMx` is computed with an error of at most `γ_m (|A||x| + |θ|M|x|)` in each component, m the entries in its row of A and a
+//! few more (Higham 2002, 3.5); sums of n products of vectors with `γ_n` of the product of their lengths.
 
 use super::{Eigenpair, Pencil};
 use crate::assembly::SymmetricMatrix;
@@ -24,8 +24,8 @@ pub(crate) fn gamma(roundings: usize) -> f64 {
     part / (1.0 - part)
 }
 
-/// Distances from the values of ascending pairs, `xᵀMx = 1` to rounding, within which there are as many eigenvalues of the stored pencil
-/// as pairs. Infinite where that cannot be shown.
+/// Distances from the values of ascending pairs, `xᵀMx = 1` to rounding, within which there are as many eigenvalues of the stored pencil as pairs.
+/// Infinite where that cannot be shown.
 pub(crate) fn enclosures(pencil: &Pencil<'_>, pairs: &[Eigenpair]) -> Vec<f64> {
     let squares = residuals(pencil, pairs);
     let mut cluster = Clusters { pencil, pairs, defects: vec![0.0; pairs.len()] };
@@ -77,8 +77,8 @@ impl Clusters<'_> {
 
     /// The bound for a cluster, from the sum of the squares of its residuals.
     fn radius(&self, range: &Range<usize>, square: f64) -> f64 {
-        let defect =
-            self.defects[range.clone()].iter().fold(0.0, |largest, d| if *d <= largest { largest } else { *d });
+        let larger = |largest: f64, d: &f64| if *d <= largest { largest } else { *d };
+        let defect = self.defects[range.clone()].iter().fold(0.0, larger);
         // Sums, roots and quotients of positive numbers, rounded up.
         let up = 1.0 + gamma(4 * range.len() + 20);
         let radius = (square / (1.0 - defect * up)).sqrt() * up;

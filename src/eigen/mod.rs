@@ -1,30 +1,29 @@
-//! Extreme eigenpairs of large symmetric matrices and pencils, with residuals that bound their errors and counts that prove that none
-//! is missing.
+//! Extreme eigenpairs of large symmetric matrices and pencils, with residuals that bound their errors and counts that prove that none is missing.
 //!
 //! ```text
 //! A φ = λ M φ,      A symmetric,  M diagonal and positive: the masses, or the identity
 //! ```
 //!
-//! There is one solver, `BlockLanczos`, for any operator B that is self-adjoint in the inner product `⟨x, y⟩ = xᵀMy`. `ShiftInvert`
-//! gives it `(A − σM)⁻¹M` with a sparse factorization. Where a matrix cannot be factored the solver takes A itself, preconditioned.
+//! There is one solver, `BlockLanczos`, for any operator B that is self-adjoint in the inner product `⟨x, y⟩ = xᵀMy`: `(A − σM)⁻¹M` by a sparse
+//! factorization (`ShiftInvert`), or A itself, preconditioned, where it cannot be factored.
 //!
-//! **Error bounds.** With `r = Aφ − λMφ` and `φᵀMφ = 1` there is an eigenvalue within `‖M^{-1/2} r‖` of λ (Parlett, The Symmetric
-//! Eigenvalue Problem, 4.5 and 15.9).
+//! **Error bounds.** With `r = Aφ − λMφ` and `φᵀMφ = 1` there is an eigenvalue within `‖M^{-1/2} r‖` of λ (Parlett, The Symmetric Eigenvalue Problem,
+//! 4.5 and 15.9).
 //!
-//! **Block Lanczos** with full reorthogonalisation, locking and thick restarts. The basis V grows by a block of vectors at a time and
-//! is kept orthonormal, `VᵀMV = I`, by two passes of Gram–Schmidt. The Rayleigh–Ritz procedure takes from `H = VᵀMBV`
+//! **Block Lanczos** with full reorthogonalisation, locking and thick restarts. The basis V grows by a block of vectors at a time and is kept
+//! orthonormal, `VᵀMV = I`, by two passes of Gram–Schmidt. The Rayleigh–Ritz procedure takes from `H = VᵀMBV`
 //!
 //! ```text
 //! H y = θ y,   x = V y,   r = B x − θ x,      |θ − λ| ≤ ‖r‖_M  for some eigenvalue λ of B,
 //! ```
 //!
-//! and the residuals of the pairs that have not converged extend V. As long as none has, V spans the Krylov space of the first block
-//! (Grimes, Lewis and Simon, SIAM J. Matrix Anal. Appl. 15, 1994); converged pairs stay in V and are *locked*. A full basis is
-//! compressed to its best Ritz vectors (Wu and Simon, SIAM J. Matrix Anal. Appl. 22, 2000). A block of k finds eigenvalues up to
-//! k-fold at once; random vectors, which `BlockLanczos::refresh` adds, find more.
+//! and the residuals of the pairs that have not converged extend V. As long as none has, V spans the Krylov space of the first block (Grimes, Lewis
+//! and Simon, SIAM J. Matrix Anal. Appl. 15, 1994); converged pairs stay in V and are *locked*. A full basis is compressed to its best Ritz vectors
+//! (Wu and Simon, SIAM J. Matrix Anal. Appl. 22, 2000). A block of k finds eigenvalues up to k-fold at once; random vectors, which
+//! `BlockLanczos::refresh` adds, find more.
 //!
-//! **Preconditioned**, with T about B⁻¹, the vectors `T r` extend V: Davidson's method. Its space holds those of LOBPCG (Knyazev, SIAM
-//! J. Sci. Comput. 23, 2001), so that its Ritz values are no worse, step by step.
+//! **Preconditioned**, with T about B⁻¹, the vectors `T r` extend V: Davidson's method. Its space holds those of LOBPCG (Knyazev, SIAM J. Sci.
+//! Comput. 23, 2001), so that its Ritz values are no worse, step by step.
 
 mod enclosure;
 mod shift_invert;
@@ -83,12 +82,10 @@ pub(crate) fn gaussian(rng: &mut Xoshiro256PlusPlus, x: &mut [f64]) {
 /// `Y = B X` for matrices stored by columns, up to a block of them.
 pub(crate) type Product<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
 
-/// The eigenvalues that are wanted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum End {
     Lowest,
     Highest,
-    /// The largest in magnitude.
     Farthest,
 }
 
@@ -124,11 +121,16 @@ pub(crate) struct Ritz {
     pub residual: f64,
 }
 
+impl From<Ritz> for Eigenpair {
+    fn from(ritz: Ritz) -> Self {
+        Self { value: ritz.value, vector: ritz.vector, residual: ritz.residual }
+    }
+}
+
 /// The eigenvalues wanted, and the size of the search space.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Search {
     pub end: End,
-    /// The number of eigenvalues.
     pub wanted: usize,
     /// Vectors by which the basis grows at a time.
     pub block: usize,
@@ -188,8 +190,8 @@ impl<'m> BlockLanczos<'m> {
         self.extend(fresh, apply);
     }
 
-    /// Iterates until all wanted pairs have converged, for `longest` blocks at most, and returns them, most wanted first; at least as
-    /// many as a block has.
+    /// Iterates until all wanted pairs have converged, for `longest` blocks at most, and returns them, most wanted first; at least as many as a block
+    /// has.
     pub fn iterate(
         &mut self,
         tolerance: Tolerance,
@@ -293,8 +295,8 @@ impl<'m> BlockLanczos<'m> {
         true
     }
 
-    /// Orthonormalises a vector, orthogonal to the columns before `first`, against those from there on, and adds it, unless the rest is
-    /// rounding of its `length` or there is no room.
+    /// Orthonormalises a vector, orthogonal to the columns before `first`, against those from there on, and adds it, unless the rest is rounding of
+    /// its `length` or there is no room.
     fn add(&mut self, mut vector: DVector<f64>, first: usize, length: f64) {
         if self.size == self.basis.ncols() {
             return;
@@ -370,9 +372,9 @@ fn transposed_product(a: &DMatrixView<'_, f64>, b: &DMatrix<f64>) -> DMatrix<f64
 /// ‖B x − θ x‖ = β_{m+1} |s_m|
 /// ```
 ///
-/// The vectors lose their orthogonality as values converge, which repeats these values and spoils none (Paige, J. Inst. Math. Appl. 18,
-/// 1976); θ exceeds the largest eigenvalue by rounding of `m` operations at most, `m u ‖B‖`. Ends with a residual of at most `tolerance`,
-/// or after `longest` products.
+/// The vectors lose their orthogonality as values converge, which repeats these values and spoils none (Paige, J. Inst. Math. Appl. 18, 1976); θ
+/// exceeds the largest eigenvalue by rounding of `m` operations at most, `m u ‖B‖`. Ends with a residual of at most `tolerance`, or after `longest`
+/// products.
 pub(crate) fn largest(n: usize, tolerance: f64, longest: usize, apply: &mut Product<'_>) -> f64 {
     let mut start = vec![0.0; n];
     gaussian(&mut Xoshiro256PlusPlus::seed_from_u64(3), &mut start);
@@ -402,8 +404,8 @@ pub(crate) fn largest(n: usize, tolerance: f64, longest: usize, apply: &mut Prod
     theta
 }
 
-/// The largest eigenvalue of `T = tridiag(β, α, β)`, no smaller than `floor`, and the last entry of its eigenvector.
-/// By bisection: θ is above the spectrum as long as all pivots of θ − T, from its last row on, are positive,
+/// The largest eigenvalue of `T = tridiag(β, α, β)`, no smaller than `floor`, and the last entry of its eigenvector. By bisection: θ is above the
+/// spectrum as long as all pivots of θ − T, from its last row on, are positive,
 ///
 /// ```text
 /// d_m = θ − α_m,   d_j = θ − α_j − β_{j+1}²/d_{j+1},   s_{j−1} = s_j d_j/β_j.
@@ -438,8 +440,8 @@ fn largest_of_tridiagonal(alpha: &[f64], beta: &[f64], floor: f64) -> (f64, f64)
     (high, last_entry(high).unwrap_or(1.0))
 }
 
-/// The lowest and the highest Ritz pair of the Krylov space of a random vector, from at most `steps` products: rough ends of the spectrum
-/// of B. `None` where a product is not finite.
+/// The lowest and the highest Ritz pair of the Krylov space of a random vector, from at most `steps` products: rough ends of the spectrum of B.
+/// `None` where a product is not finite.
 pub(crate) fn probe(n: usize, masses: Option<&[f64]>, steps: usize, apply: &mut Product<'_>) -> Option<[Ritz; 2]> {
     let search = Search { end: End::Lowest, wanted: 1, block: 1, capacity: steps };
     let mut space = BlockLanczos::new(n, masses, search, 2);

@@ -6,18 +6,17 @@
 //! (A − σM)⁻¹ M φ = θ φ,      λ = σ + 1/θ,
 //! ```
 //!
-//! that are largest belong to the lowest λ and are far apart, so [`BlockLanczos`] finds them in a few blocks, with one solve a vector
-//! (Ericsson and Ruhe, Math. Comput. 35, 1980). `A − σM = L D Lᵀ` has as many negative pivots as there are eigenvalues below σ
-//! (Sylvester), which proves
+//! that are largest belong to the lowest λ and are far apart, so [`BlockLanczos`] finds them in a few blocks, with one solve a vector (Ericsson and
+//! Ruhe, Math. Comput. 35, 1980). `A − σM = L D Lᵀ` has as many negative pivots as there are eigenvalues below σ (Sylvester), which proves
 //!
 //! - that σ lies below the spectrum, or above it: none or all of them are negative;
-//! - that the k eigenvalues found are the lowest ones: as many lie below a shift τ just below the last of them as were found there.
-//!   Where there are more, the search goes on from its pairs and random vectors, with σ moved nearer (Grimes, Lewis and Simon 1994).
+//! - that the k eigenvalues found are the lowest ones: as many lie below a shift τ just below the last of them as were found there. Where there are
+//!   more, the search goes on from its pairs and random vectors, with σ moved nearer (Grimes, Lewis and Simon 1994).
 //!
 //! Eigenvalues that agree to the distance of τ are not told apart.
 //!
-//! A rigorous bound ε of the rounding errors in `L D Lᵀ` (`linear/certificate.rs`) makes the count a theorem about the stored pencil: at
-//! most as many eigenvalues as there are negative pivots lie below `σ − ε`, and at least as many below `σ + ε`.
+//! A rigorous bound ε of the rounding errors in `L D Lᵀ` (`linear/certificate.rs`) makes the count a theorem about the stored pencil: at most as many
+//! eigenvalues as there are negative pivots lie below `σ − ε`, and at least as many below `σ + ε`.
 
 use super::{BlockLanczos, Eigenpair, End, Ritz, Search, Tolerance, largest, probe};
 use crate::assembly::SymmetricMatrix;
@@ -33,10 +32,6 @@ use faer::{Mat, Par};
 
 /// The least distance of a shift from an end, relative to ‖A‖: nearer, the largest θ would drown the others in rounding.
 const NEAR_ZERO: f64 = 1e-6;
-
-/// The largest order at which a search gives way to a dense decomposition, where it is for many eigenvalues and for more than an eighth of all.
-const DENSE: usize = 1500;
-const MANY: usize = 64;
 
 /// A and the diagonal of M (`None` for the identity).
 #[derive(Clone, Copy)]
@@ -64,7 +59,6 @@ impl<'a> Pencil<'a> {
     }
 }
 
-/// The accuracy of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Accuracy {
     /// The residual of θ at which a pair has converged.
@@ -76,8 +70,8 @@ pub(crate) struct Accuracy {
 impl Accuracy {
     /// Full precision, vectors too.
     pub const FULL: Self = Self { tolerance: Tolerance { of_value: 1e-9, of_norm: 1e-13 }, edge: [1e-9, 1e-6] };
-    /// A value certified to half a millionth of ‖A‖ and a thousandth of itself; the error of a Rayleigh quotient is of the order of the
-    /// square of the tolerance.
+    /// A value certified to half a millionth of ‖A‖ and a thousandth of itself; the error of a Rayleigh quotient is of the order of the square of the
+    /// tolerance.
     pub const CERTIFIED: Self = Self { tolerance: RESOLVED, edge: [5e-7, 1e-3] };
 }
 
@@ -92,8 +86,8 @@ pub struct Lowest {
     pub counted_below: f64,
 }
 
-/// The `count` lowest eigenpairs of `A φ = λ M φ`, M given by its diagonal (the identity where it is `None`), each multiple eigenvalue as
-/// often as it occurs.
+/// The `count` lowest eigenpairs of `A φ = λ M φ`, M given by its diagonal (the identity where it is `None`), each multiple eigenvalue as often as it
+/// occurs.
 ///
 /// # Errors
 /// Masses that are not as many as A has rows or not positive; a matrix that is too large to factor.
@@ -151,21 +145,11 @@ pub(crate) struct ShiftInvert<'a> {
 
 impl<'a> ShiftInvert<'a> {
     pub fn new(pencil: Pencil<'a>, factorization: &'a mut Ldlt, work: &'a mut Work) -> Self {
-        let within = [f64::NEG_INFINITY, f64::INFINITY];
+        let (within, count_error) = ([f64::NEG_INFINITY, f64::INFINITY], f64::INFINITY);
         // A matrix of zeros has no scale of its own.
         let norm = Some(pencil.norm()).filter(|norm| *norm != 0.0).unwrap_or(1.0);
-        let count_error = f64::INFINITY;
-        Self {
-            pencil,
-            factorization,
-            work,
-            norm,
-            known: Vec::new(),
-            within,
-            is_factored: false,
-            edge: None,
-            count_error,
-        }
+        let (known, is_factored, edge) = (Vec::new(), false, None);
+        Self { pencil, factorization, work, norm, known, within, is_factored, edge, count_error }
     }
 
     fn order(&self) -> usize {
@@ -202,15 +186,13 @@ impl<'a> ShiftInvert<'a> {
             }
             due = count.map(|count| (edge, count.min(wanted)));
             let mut distance = (0.0625 * (first - shift).abs()).max(2.0 * offset).max(NEAR_ZERO * self.norm);
-            loop {
-                shift = first - distance;
-                if self.is_floor(shift) {
-                    break;
-                }
+            shift = first - distance;
+            while !self.is_floor(shift) {
                 distance *= 2.0;
                 if distance > 8.0 * self.norm || distance.is_nan() {
                     return pairs;
                 }
+                shift = first - distance;
             }
         }
         pairs
@@ -224,11 +206,11 @@ impl<'a> ShiftInvert<'a> {
         let (mut value, mut distance) = (of_recurrence(1e-7), Accuracy::CERTIFIED.edge[0] * norm);
         let mut is_rough = true;
         while self.below(value + distance) != Some(n) {
-            match is_rough {
-                true => value = of_recurrence(1e-10),
-                false => distance *= 2.0,
+            if std::mem::take(&mut is_rough) {
+                value = of_recurrence(1e-10);
+            } else {
+                distance *= 2.0;
             }
-            is_rough = false;
             if distance > 8.0 * norm || !value.is_finite() {
                 return f64::NAN;
             }
@@ -239,8 +221,8 @@ impl<'a> ShiftInvert<'a> {
 
     /// The eigenvalue nearest to zero; zero where nothing can be factored.
     ///
-    /// A pivot of an indefinite A may almost vanish though no eigenvalue does, which spoils the solves: the residual of the pair tells. The
-    /// pivots of `A − σ` do not vanish in the same place; σ is the root of the rounding error, at the cost of half of the digits.
+    /// A pivot of an indefinite A may almost vanish though no eigenvalue does, which spoils the solves: the residual of the pair tells. The pivots of
+    /// `A − σ` do not vanish in the same place; σ is the root of the rounding error, at the cost of half of the digits.
     pub fn nearest_to_zero(&mut self) -> f64 {
         let mut best: Option<Eigenpair> = None;
         for shift in [0.0, 1e-8 * self.norm, -1e-8 * self.norm] {
@@ -271,7 +253,6 @@ impl<'a> ShiftInvert<'a> {
         self.work.factorizations += 1;
         (self.is_factored, self.count_error) = (false, f64::INFINITY);
         self.factorization.factor(&shifted).ok()?;
-        // With the rounding of the product σM and of the difference.
         let of_shift = 2.0 * f64::EPSILON * (shift.abs() + self.norm);
         self.count_error = self.factorization.rounding_bound(self.pencil.masses) + of_shift;
         let below = self.factorization.pivots().filter(|(_, d)| *d < 0.0).count();
@@ -322,8 +303,8 @@ impl<'a> ShiftInvert<'a> {
         None
     }
 
-    /// The pairs nearest to σ, above it or on both sides, ascending or nearest to zero first, with the factor of `A − σM` and from pairs
-    /// found before. Random vectors join as long as there are fewer pairs, or fewer below an edge than are due.
+    /// The pairs nearest to σ, above it or on both sides, ascending or nearest to zero first, with the factor of `A − σM` and from pairs found
+    /// before. Random vectors join as long as there are fewer pairs, or fewer below an edge than are due.
     fn search(
         &mut self,
         end: End,
@@ -333,7 +314,8 @@ impl<'a> ShiftInvert<'a> {
         before: &[Eigenpair],
         due: Option<(f64, usize)>,
     ) -> Vec<Eigenpair> {
-        let is_dense = end == End::Lowest && self.order() <= DENSE && wanted > MANY && 8 * wanted > self.order();
+        // A search for very many eigenvalues, and for a large part of all, spans much of the space anyway.
+        let is_dense = end == End::Lowest && self.order() <= 1500 && wanted > 64 && 8 * wanted > self.order();
         if let Some(pairs) = is_dense.then(|| dense(&self.pencil, wanted)).flatten() {
             return pairs;
         }
@@ -380,7 +362,7 @@ impl<'a> ShiftInvert<'a> {
     }
 }
 
-/// The lowest pairs by a dense decomposition of `M^{-1/2} A M^{-1/2}`, where a search would span much of the space anyway.
+/// The lowest pairs by a dense decomposition of `M^{-1/2} A M^{-1/2}`.
 fn dense(pencil: &Pencil<'_>, wanted: usize) -> Option<Vec<Eigenpair>> {
     let n = pencil.a.order();
     // Two matrices, and as much again to work in.

@@ -19,6 +19,14 @@ fn diagonal(n: usize, value: impl Fn(usize) -> f64) -> impl FnMut(&[f64], &mut [
     }
 }
 
+/// A chain of unit springs between walls: the eigenvalues are `2 − 2 cos(jπ/(n + 1))`.
+fn chain(x: &[f64], y: &mut [f64]) {
+    for (k, y) in y.iter_mut().enumerate() {
+        let beside = [k.checked_sub(1), Some(k + 1)].map(|k| k.and_then(|k| x.get(k)).copied().unwrap_or(0.0));
+        *y = 2.0 * x[k] - beside[0] - beside[1];
+    }
+}
+
 fn of_norm(part: f64) -> Tolerance {
     Tolerance { of_value: 0.0, of_norm: part }
 }
@@ -57,8 +65,8 @@ fn outermost_eigenvalues_of_a_diagonal() {
     }
 }
 
-/// A diagonal of wide range, with a preconditioner that knows it to a factor of two: the first eigenvalues, one of them double, in a few
-/// steps; a range of 10⁶ without any would take hundreds.
+/// A diagonal of wide range, with a preconditioner that knows it to a factor of two: the first eigenvalues, one of them double, in a few steps; a
+/// range of 10⁶ without any would take hundreds.
 #[test]
 fn preconditioned_residuals_lead_to_the_low_end() {
     let n = 500;
@@ -119,20 +127,14 @@ fn nothing_is_no_direction() {
     }
 }
 
-/// A chain, whose eigenvalues are known: Ritz values lie inside the spectrum, within their residuals of an end or of another eigenvalue, and are exact from
-/// all of the space. What is not finite has no ends.
+/// A chain, whose eigenvalues are known: Ritz values lie inside the spectrum, within their residuals of an end or of another eigenvalue, and are
+/// exact from all of the space. What is not finite has no ends.
 #[test]
 fn probes_come_near_both_ends() {
     let n = 40;
-    let chain = |x: &[f64], y: &mut [f64]| {
-        for (k, y) in y.iter_mut().enumerate() {
-            let beside = [k.checked_sub(1), Some(k + 1)].map(|k| k.and_then(|k| x.get(k)).copied().unwrap_or(0.0));
-            *y = 2.0 * x[k] - beside[0] - beside[1];
-        }
-    };
     let exact = |j: usize| 2.0 - 2.0 * (std::f64::consts::PI * j as f64 / (n + 1) as f64).cos();
     for steps in [1, 2, 7, 20, 40, 60] {
-        let [low, high] = probe(n, None, steps, &mut { chain }).unwrap();
+        let [low, high] = probe(n, None, steps, &mut chain).unwrap();
         assert!(low.value >= exact(1) - 1e-13 && high.value <= exact(n) + 1e-13, "{steps}");
         for ritz in [low, high] {
             let distance = (1..=n).map(|j| (exact(j) - ritz.value).abs()).fold(f64::INFINITY, f64::min);
@@ -144,20 +146,14 @@ fn probes_come_near_both_ends() {
     assert!(probe(0, None, 3, &mut |_: &[f64], _: &mut [f64]| ()).is_none());
 }
 
-/// The largest eigenvalue of a chain, of random diagonals with gaps from wide to none, and of a multiple of the identity, from below and as near
-/// as the residual and the gap promise; the recurrence goes on without harm after the value has converged.
+/// The largest eigenvalue of a chain, of random diagonals with gaps from wide to none, and of a multiple of the identity, from below and as near as
+/// the residual and the gap promise; the recurrence goes on without harm after the value has converged.
 #[test]
 fn the_largest_eigenvalue_comes_from_three_terms() {
     let n = 400;
-    let chain = |x: &[f64], y: &mut [f64]| {
-        for (k, y) in y.iter_mut().enumerate() {
-            let beside = [k.checked_sub(1), Some(k + 1)].map(|k| k.and_then(|k| x.get(k)).copied().unwrap_or(0.0));
-            *y = 2.0 * x[k] - beside[0] - beside[1];
-        }
-    };
     let exact = 2.0 + 2.0 * (std::f64::consts::PI / (n + 1) as f64).cos();
     for (tolerance, most) in [(1e-3, 1e-3), (1e-6, 6e-9), (0.0, 1e-11)] {
-        let found = largest(n, tolerance, 1000, &mut { chain });
+        let found = largest(n, tolerance, 1000, &mut chain);
         assert!(found <= exact + 1e-11 && exact - found <= most, "{tolerance}: {} off", exact - found);
     }
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(11);
@@ -186,8 +182,8 @@ fn pencil(rng: &mut Xoshiro256PlusPlus, values: &[f64]) -> (SymmetricMatrix, Vec
     (banded(n / 3, n, entry), masses)
 }
 
-/// Random pencils, with zero eigenvalues and multiple ones, more than a block at a time too, against the eigenvalues of the dense matrix: none is missed,
-/// each is as near as its residual says, and the vectors are orthonormal.
+/// Random pencils, with zero eigenvalues and multiple ones, more than a block at a time too, against the eigenvalues of the dense matrix: none is
+/// missed, each is as near as its residual says, and the vectors are orthonormal.
 #[test]
 fn no_eigenvalue_of_a_random_pencil_is_missed() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);

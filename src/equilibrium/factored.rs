@@ -1,33 +1,30 @@
 //! Directions of Newton's method by factorizations of −K.
 
-use super::{NEAR, SINGULAR, Search, Solver};
+use super::search::{NEAR, SINGULAR, Search, Solver};
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::Pencil;
 use crate::error::Result;
 use crate::integrate::StiffnessPolicy;
 use crate::spring::Stiffness;
-use nalgebra::Vector3;
 
 impl Search<'_> {
     /// p of `−K p = f`. Where −K is singular by free motions alone, a shift of rounding makes it positive definite. Where it has negative
-    /// eigenvalues, option *tension* takes its place far from an equilibrium, and −K + σ near one, σ about the smallest that makes it positive definite:
-    /// there soft directions of negative curvature decide, and *tension* is far too stiff along them. The progressive policy takes *tension* for the
-    /// springs at large residuals alone, and an option takes the place of −K everywhere. Returns whether it was that shift.
+    /// eigenvalues, option *tension* takes its place far from an equilibrium, of the springs at large residuals alone under the progressive policy,
+    /// and −K + σ near one, where *tension* is far too stiff along soft directions, σ about the smallest that makes it positive definite. Returns
+    /// whether it was that shift.
     pub(super) fn factored_step(&mut self) -> Result<(Vec<f64>, bool)> {
         let policy = self.options.stiffness;
         let is_near = self.residual() < NEAR && !matches!(policy, StiffnessPolicy::Always(_));
-        if policy == StiffnessPolicy::Progressive {
-            if is_near {
-                self.projection.restart();
-            }
-            let mut residual = vec![Vector3::zeros(); self.system.particles()];
-            self.system.dofs().scatter(&self.force, &mut residual);
-            self.projection.begin(self.system, &residual);
-        }
         let (mut a, mut dropped) = match policy {
             StiffnessPolicy::Always(option) => (self.assemble(option)?, 0),
             StiffnessPolicy::OnDemand => (self.assemble(Stiffness::Full)?, 0),
-            StiffnessPolicy::Progressive => self.assemble_projected()?,
+            StiffnessPolicy::Progressive => {
+                if is_near {
+                    self.projection.restart();
+                }
+                self.projection.begin(self.system, &self.system.dofs().full(&self.force));
+                self.assemble_projected()?
+            }
         };
         if self.factor(&a) {
             return Ok((self.solve(), false));
@@ -41,9 +38,10 @@ impl Search<'_> {
                 return Ok((self.solve(), false));
             }
         }
+        let compressed = self.geometry.compressed(self.system);
         while policy == StiffnessPolicy::Progressive
             && !is_near
-            && self.projection.lower(self.system, &self.geometry, dropped, self.compressed())
+            && self.projection.lower(self.system, &self.geometry, dropped, compressed)
         {
             (a, dropped) = self.assemble_projected()?;
             a.shift(added);
@@ -85,10 +83,6 @@ impl Search<'_> {
         let dropped = self.projection.update(self.system, &self.geometry);
         self.matrices.update_each(&self.state, self.projection.options())?;
         Ok((self.matrices.k().scaled(-1.0), dropped))
-    }
-
-    fn compressed(&self) -> usize {
-        self.geometry.springs(self.system).filter(|((_, _, spring), at)| spring.is_compressed(at)).count()
     }
 
     /// Factors a matrix; false where it is not positive definite.

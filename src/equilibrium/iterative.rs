@@ -6,10 +6,11 @@
 //! ‖f + K p‖ ≤ η ‖f‖,      η = min(0.1, √(largest force left / largest force that acts)),
 //! ```
 //!
-//! which keeps the convergence superlinear (Dembo, Eisenstat and Steihaug, SIAM J. Numer. Anal. 19, 1982). Negative curvature tells that −K is not positive
-//! definite. The verdict rests on the lowest eigenvalues of `−K φ = λ M φ` that a preconditioned search finds; they are not counted.
+//! which keeps the convergence superlinear (Dembo, Eisenstat and Steihaug, SIAM J. Numer. Anal. 19, 1982). Negative curvature tells that −K is not
+//! positive definite. The verdict rests on the lowest eigenvalues of `−K φ = λ M φ` that a preconditioned search finds; they are not counted.
 
-use super::{NEAR, SINGULAR, Search, Signs, Solver};
+use super::Signs;
+use super::search::{Iterative, NEAR, SINGULAR, Search, Solver};
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::{Eigenpair, Pencil, eigenpair};
 use crate::error::Result;
@@ -25,22 +26,12 @@ use crate::spring::Stiffness;
 use crate::system::System;
 use faer::Par;
 
-/// Iterations with multigrid that a direction may take before a factorization is cheaper: the matrices are nearly singular.
-const ITERATIONS: f64 = 100.0;
-
-/// Iterations after which the direction found so far is taken.
-const LIMIT: u64 = 500;
-
-pub(super) struct Iterative {
-    method: ConjugateGradient,
-    preconditioner: Preconditioner,
-}
-
 impl Solver {
     /// A factorization where it is worth its cost and fits the memory, else conjugate gradients with multigrid.
     pub fn new(system: &System, k: &SymmetricMatrix) -> Result<Self> {
         let costs = CostModel::of(system);
-        let iterative = ITERATIONS * costs.iteration(PreconditionerKind::Multigrid) + costs.multigrid_setup();
+        // The matrices are nearly singular: a direction takes some hundred iterations.
+        let iterative = 100.0 * costs.iteration(PreconditionerKind::Multigrid) + costs.multigrid_setup();
         let is_worth = |size: FactorSize, bytes: u64| {
             costs.factorization(size) <= iterative && memory::ensure(bytes, "a factorization").is_ok()
         };
@@ -52,7 +43,7 @@ impl Solver {
 
     pub fn iterative(system: &System) -> Result<Self> {
         let mut method = ConjugateGradient::new(system.dofs().len(), 0.1);
-        method.iteration_limit = LIMIT;
+        method.iteration_limit = 500;
         let preconditioner = Preconditioner::new(PreconditionerKind::Multigrid, system)?;
         Ok(Self::Iterative(Box::new(Iterative { method, preconditioner })))
     }
@@ -111,8 +102,8 @@ impl Search<'_> {
 
     /// The lowest eigenvalues of −K that are found, in N/m, with unit vectors: one more than there are rigid motions.
     pub(super) fn lowest_found(&mut self, a: &SymmetricMatrix) -> Result<Vec<Eigenpair>> {
-        let rigid = rigid_motions(self.system, &self.state.positions);
-        let rigid = rigid.into_iter().map(|vector| Eigenpair { value: 0.0, vector, residual: 0.0 }).collect::<Vec<_>>();
+        let rigid = rigid_motions(self.system, &self.state.positions).into_iter();
+        let rigid: Vec<_> = rigid.map(|vector| Eigenpair { value: 0.0, vector, residual: 0.0 }).collect();
         let wanted = (1 + rigid.len()).min(a.order());
         let pairs = uncounted(self.system, &self.state, a, self.matrices.masses(), &rigid, wanted, &mut self.work)?;
         Ok(pairs.into_iter().map(|pair| eigenpair(&Pencil::of(a), pair.vector)).collect())

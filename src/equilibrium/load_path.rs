@@ -6,15 +6,14 @@
 //! - `uᵀp = 0`, a bifurcation: another branch of equilibria leaves the path, as where a column buckles;
 //! - `uᵀp ≠ 0`, a limit point: the path turns back, and at a higher load the next equilibrium is far away, as where a shallow arch snaps through.
 //!
-//! Where motions are free, as those of a slack net without a load, there is no path. It begins under the first load that gives them a direction.
+//! Where motions are free, as those of a slack net without a load, the path begins under the first load that gives them a direction. Behind a limit
+//! point the inertia may be what it was before: a step over it agrees with no tangents of the path, so that halving steps that do not agree finds it.
 //!
-//! Behind a limit point the inertia may be what it was before. A step over it agrees with no tangents of the path, however short it is, so that halving
-//! steps that do not agree finds it.
-//!
-//! **Linear buckling** estimates the first critical load from a small one: the smallest λ at which `K_a + λ K_g` is singular, K_a the axial stiffness at
-//! rest and K_g the transverse terms of the tensions per unit of load. It neglects how shape and tensions change on the way.
+//! **Linear buckling** estimates the first critical load from a small one: the smallest λ at which `K_a + λ K_g` is singular, K_a the axial stiffness
+//! at rest and K_g the transverse terms of the tensions per unit of load. It neglects how shape and tensions change on the way.
 
-use super::{Equilibrium, EquilibriumOptions, SINGULAR, Stability, equilibrium, loads};
+use super::search::SINGULAR;
+use super::{Equilibrium, EquilibriumOptions, Stability, equilibrium, loads};
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::Pencil;
 use crate::error::{Invalid, Result};
@@ -69,21 +68,11 @@ pub struct LoadPath {
     pub linear_buckling: Option<f64>,
 }
 
-/// Width of the interval to which critical factors are located, and the largest number of them between two steps.
+/// Width of the interval to which critical factors are located.
 const LOCATED: f64 = 4e-9;
-const CRITICAL: usize = 20;
 
-/// Secants to the load at which an eigenvalue is zero: some four are needed.
-const SECANTS: usize = 10;
-
-/// Residual of the equilibria: well below LOCATED, so that none is found beyond a limit point by what its force leaves over.
-const TOLERANCE: f64 = 1e-12;
-
-/// A jump is longer than this part of all coordinates together.
-const SMALL_JUMP: f64 = 1e-4;
-
-/// The part of a step that the mean of the tangents at its ends may leave over: as much as of an arc of 95°, or of a step that comes seven times nearer to a
-/// limit point.
+/// The part of a step that the mean of the tangents at its ends may leave over: as much as of an arc of 95°, or of a step that comes seven times
+/// nearer to a limit point.
 const TURN: f64 = 0.25;
 
 /// The equilibria of a system from no load to all of gravity and loads in `count` steps, each found from the one before, saddles included.
@@ -94,13 +83,14 @@ pub fn load_path(system: &System, state: &State, count: usize) -> Result<LoadPat
     if count == 0 {
         return Err(Invalid::new("load-path", count, "must be at least 1").into());
     }
-    let path = Path { system, load: reduced_load(system, state) };
+    let path = Path { system, load: system.dofs().reduced(&loads(system, state, 1.0)) };
     let first = path.at(0.0, state)?;
     let linear_buckling = path.linear_buckling(&first)?;
     let mut result = LoadPath { steps: vec![(0.0, first)], critical: Vec::new(), linear_buckling };
     for step in 1..=count {
         let target = step as f64 / count as f64;
-        for _ in 0..CRITICAL {
+        // At most twenty critical loads.
+        for _ in 0..20 {
             let (factor, from) = result.steps[result.steps.len() - 1].clone();
             if matches!(from.stability, Stability::None | Stability::NotConverged) {
                 return Ok(result);
@@ -111,8 +101,7 @@ pub fn load_path(system: &System, state: &State, count: usize) -> Result<LoadPat
                 break;
             };
             // Nearer to each other than they are located they are one: the last step before a limit point, which is steep there, and that over it.
-            let is_same = |before: &mut CriticalLoad| critical.factor - before.factor <= 2.0 * LOCATED;
-            let _ = result.critical.pop_if(is_same);
+            let _ = result.critical.pop_if(|before| critical.factor - before.factor <= 2.0 * LOCATED);
             result.critical.push(critical);
             // Just beyond a limit point little drives the search; under the load of the step it arrives.
             let (beyond, after) = match after.stability {
@@ -128,16 +117,6 @@ pub fn load_path(system: &System, state: &State, count: usize) -> Result<LoadPat
     Ok(result)
 }
 
-fn reduced_load(system: &System, state: &State) -> Vec<f64> {
-    let mut load = vec![0.0; system.dofs().len()];
-    system.dofs().gather(&loads(system, state, 1.0), &mut load);
-    load
-}
-
-fn size(found: &Equilibrium) -> f64 {
-    found.state.positions.iter().map(|x| x.norm_squared()).sum::<f64>().sqrt()
-}
-
 struct Path<'s> {
     system: &'s System,
     load: Vec<f64>,
@@ -145,8 +124,9 @@ struct Path<'s> {
 
 impl Path<'_> {
     fn at(&self, load: f64, from: &State) -> Result<Equilibrium> {
-        let options =
-            EquilibriumOptions { load, tolerance: TOLERANCE, leave_saddles: false, ..EquilibriumOptions::default() };
+        // Well below LOCATED, so that none is found beyond a limit point by what its force leaves over.
+        let tolerance = 1e-12;
+        let options = EquilibriumOptions { load, tolerance, leave_saddles: false, ..EquilibriumOptions::default() };
         equilibrium(self.system, from, options)
     }
 
@@ -154,9 +134,12 @@ impl Path<'_> {
         equilibrium(self.system, from, EquilibriumOptions { load, ..EquilibriumOptions::default() })
     }
 
-    fn distance(&self, a: &Equilibrium, b: &Equilibrium) -> f64 {
-        let pairs = a.state.positions.iter().zip(&b.state.positions);
-        pairs.map(|(a, b)| (a - b).norm_squared()).sum::<f64>().sqrt()
+    /// Whether the distance of two equilibria is more than a small part of all coordinates together.
+    fn is_jump(&self, from: &Equilibrium, to: &Equilibrium) -> bool {
+        let pairs = from.state.positions.iter().zip(&to.state.positions);
+        let distance = pairs.map(|(a, b)| (a - b).norm_squared()).sum::<f64>().sqrt();
+        let size = from.state.positions.iter().map(|x| x.norm_squared()).sum::<f64>().sqrt();
+        distance > 1e-4 * size
     }
 
     fn stiffness(&self, state: &State, option: Stiffness) -> Result<SymmetricMatrix> {
@@ -165,8 +148,8 @@ impl Path<'_> {
         Ok(matrices.k().scaled(-1.0))
     }
 
-    /// The slope `dx/dλ = (−K)⁻¹ p` of the path on the free degrees of freedom; `None` where −K is singular. Free motions, along which no load acts, are
-    /// shifted off zero.
+    /// The slope `dx/dλ = (−K)⁻¹ p` of the path on the free degrees of freedom; `None` where −K is singular. Free motions, along which no load acts,
+    /// are shifted off zero.
     fn tangent(&self, at: &Equilibrium) -> Result<Option<Vec<f64>>> {
         let mut a = self.stiffness(&at.state, Stiffness::Full)?;
         if at.inertia.zero > 0 {
@@ -182,24 +165,20 @@ impl Path<'_> {
     /// |x₁ − x₀ − ½ (λ₁ − λ₀) (x₀' + x₁')| ≤ TURN |x₁ − x₀|,      (λ₁ − λ₀) |x₁' − x₀'| ≤ |x₁ − x₀|.
     /// ```
     ///
-    /// On a smooth path what is left over the length falls with the square of the step, and the turn of the tangent with the step, so that short enough steps
-    /// agree. A step onto another branch does not become shorter, and agrees with no tangents, however soft the scene is: just below a limit point the
-    /// tangent alone may be as long as the jump, but turns by twice that. Where there is no tangent the inertia alone tells.
+    /// On a smooth path what is left over the length falls with the square of the step, and the turn of the tangent with the step. A step onto
+    /// another branch does not become shorter, and agrees with no tangents: just below a limit point the tangent alone may be as long as the jump,
+    /// but turns by twice that. Where there is no tangent the inertia alone tells.
     fn leads(&self, [low, high]: [f64; 2], from: &Equilibrium, to: &Equilibrium) -> Result<bool> {
-        if to.stability == Stability::NotConverged {
+        if to.stability == Stability::NotConverged || to.inertia.negative != from.inertia.negative {
             return Ok(false);
         }
-        if to.inertia.negative != from.inertia.negative {
-            return Ok(false);
-        }
-        if self.distance(from, to) <= SMALL_JUMP * size(from) {
+        if !self.is_jump(from, to) {
             return Ok(true);
         }
         let (Some(before), Some(after)) = (self.tangent(from)?, self.tangent(to)?) else { return Ok(true) };
         let moved: Vec<Vector3<f64>> =
             to.state.positions.iter().zip(&from.state.positions).map(|(to, from)| to - from).collect();
-        let mut secant = vec![0.0; self.load.len()];
-        self.system.dofs().gather(&moved, &mut secant);
+        let secant = self.system.dofs().reduced(&moved);
         let along = before.iter().zip(&after).map(|(before, after)| 0.5 * (high - low) * (before + after));
         let left: Vec<f64> = secant.iter().zip(along).map(|(secant, along)| secant - along).collect();
         let turn: Vec<f64> = before.iter().zip(&after).map(|(before, after)| (high - low) * (after - before)).collect();
@@ -211,8 +190,8 @@ impl Path<'_> {
     fn advance(&self, start: (f64, Equilibrium), target: f64) -> Result<(Option<CriticalLoad>, (f64, Equilibrium))> {
         let factor = start.0;
         let last = self.at(target, &start.1.state)?;
-        // Motions that were free without a load have a direction now: what hangs has fallen, and no equilibrium led there. Under a load a motion without
-        // stiffness is a critical one.
+        // Motions that were free without a load have a direction now: what hangs has fallen, and no equilibrium led there. Under a load a motion
+        // without stiffness is a critical one.
         if factor == 0.0 && last.inertia.zero < start.1.inertia.zero {
             return Ok((None, (target, last)));
         }
@@ -232,8 +211,7 @@ impl Path<'_> {
             // It may have been found from farther away.
             let high = (load, self.at(load, &low.1.state)?);
             let changes = high.1.inertia.negative != low.1.inertia.negative;
-            let jumped = high.1.stability == Stability::NotConverged
-                || self.distance(&low.1, &high.1) > SMALL_JUMP * size(&low.1);
+            let jumped = high.1.stability == Stability::NotConverged || self.is_jump(&low.1, &high.1);
             if changes || jumped {
                 return Ok((Some(self.critical(factor, low, high.0, jumped)?), high));
             }
@@ -250,7 +228,8 @@ impl Path<'_> {
         if !jumped {
             // The inertia changes where the eigenvalue is below the band of zeros; the load at which it is zero, by secants.
             let mut other = low.0 - 1e-3 * (low.0 - factor);
-            for _ in 0..SECANTS {
+            // Some four are needed.
+            for _ in 0..10 {
                 let found = self.at(other, &state)?.state;
                 let (there, its) = self.softest(&found)?;
                 let next = other - there * (other - factor_found) / (there - value);
@@ -285,29 +264,28 @@ impl Path<'_> {
 
     /// The smallest λ up to 1e6 at which `K_a + λ K_g` is singular.
     fn linear_buckling(&self, rest: &Equilibrium) -> Result<Option<f64>> {
-        /// Of the full load: small, so that tensions are linear in it.
-        const SMALL: f64 = 1e-6;
-        const MOST: f64 = 1e6;
         if self.load.iter().all(|f| *f == 0.0) || rest.stability != Stability::Stable {
             return Ok(None);
         }
-        let little = self.at(SMALL, &rest.state)?;
+        // So little of the load that tensions are linear in it.
+        let small = 1e-6;
+        let little = self.at(small, &rest.state)?;
         let axial = self.stiffness(&little.state, Stiffness::Axial)?;
         let full = self.stiffness(&little.state, Stiffness::Full)?;
         let mut factorization = Ldlt::analyse(axial.pattern(), Par::rayon(0))?;
         let mut is_positive = |factor: f64| {
-            let part = factor / SMALL;
+            let part = factor / small;
             let a = axial.scaled(1.0 - part).plus(&full.scaled(part));
             factorization.factor(&a).is_ok() && factorization.pivots().all(|(_, d)| d > 0.0)
         };
         if !is_positive(0.0) {
             return Ok(None);
         }
-        let (mut low, mut high) = (0.0, SMALL);
+        let (mut low, mut high) = (0.0, small);
         while is_positive(high) {
             low = high;
             high *= 2.0;
-            if high > MOST {
+            if high > 1e6 {
                 return Ok(None);
             }
         }

@@ -163,6 +163,11 @@ impl SpringGeometry {
         })
     }
 
+    /// The number of active springs that are shorter than at rest.
+    pub(crate) fn compressed(&self, system: &System) -> usize {
+        self.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at)).count()
+    }
+
     /// Parameters and extensions of the active springs from position `first` on.
     #[inline]
     pub(crate) fn from<'a>(

@@ -18,20 +18,15 @@ use rayon::prelude::*;
 /// `J = A − D` of a core step, or its transpose.
 pub(super) struct Jacobian<'s> {
     pub(super) system: &'s System,
-    pub(super) matrices: Matrices<'s>,
-    pub(super) ldlt: Ldlt,
-    pub(super) a: SymmetricMatrix,
-    pub(super) geometry: SpringGeometry,
-    pub(super) velocities: Vec<Vector3<f64>>,
+    matrices: Matrices<'s>,
+    ldlt: Ldlt,
+    a: SymmetricMatrix,
+    geometry: SpringGeometry,
+    velocities: Vec<Vector3<f64>>,
     /// ‖A‖∞.
     pub(super) size: f64,
-    pub(super) is_factored: bool,
+    is_factored: bool,
 }
-
-/// Corrections at most, the error that counts as rounding, and the contraction below which another correction pays.
-const CORRECTIONS: usize = 40;
-const SOLVED: f64 = 1e-15;
-const CONTRACTS: f64 = 0.5;
 
 impl<'s> Jacobian<'s> {
     pub(super) fn new(system: &'s System, state: &State) -> Result<Self> {
@@ -61,12 +56,6 @@ impl<'s> Jacobian<'s> {
         self.size = self.a.norm_inf(&mut vec![0.0; self.a.order()]);
         self.is_factored = self.ldlt.factor(&self.a).is_ok();
         Ok(())
-    }
-
-    pub(super) fn full(&self, reduced: &[f64]) -> Vec<Vector3<f64>> {
-        let mut full = vec![Vector3::zeros(); self.system.particles()];
-        self.system.dofs().scatter(reduced, &mut full);
-        full
     }
 
     /// `D u`, or `Dᵀ u`, on all particles.
@@ -125,19 +114,20 @@ impl<'s> Jacobian<'s> {
         if size == 0.0 {
             return Some(x);
         }
-        for _ in 0..if self.is_factored { CORRECTIONS } else { 0 } {
+        // Another correction pays where it halves the defect.
+        for _ in 0..if self.is_factored { 40 } else { 0 } {
             let mut correction = rest;
             self.ldlt.substitute_columns(b.len(), &mut correction);
             x.iter_mut().zip(&correction).for_each(|(x, d)| *x += d);
             rest = self.defect(b, &x, is_transposed);
             // The defect of a solve as good as rounding lets it be is that of its products.
-            let (left, floor) = (norm(&rest), SOLVED * (size + self.size * norm(&x)));
-            if left <= floor || left <= 1e3 * floor && left > CONTRACTS * before {
+            let (left, floor) = (norm(&rest), 1e-15 * (size + self.size * norm(&x)));
+            if left <= floor || left <= 1e3 * floor && left > 0.5 * before {
                 return Some(x);
             }
-            let is_better = left <= CONTRACTS * before.min(1e6 * size);
+            let is_better = left <= 0.5 * before.min(1e6 * size);
             if !is_better {
-                break;
+                return None;
             }
             before = left;
         }
@@ -147,10 +137,11 @@ impl<'s> Jacobian<'s> {
     pub(super) fn defect(&self, b: &[f64], x: &[f64], is_transposed: bool) -> Vec<f64> {
         let mut product = vec![0.0; b.len()];
         self.a.apply(x, &mut product);
-        let mut turned = vec![0.0; b.len()];
-        if self.system.is_damped() {
-            self.system.dofs().gather(&self.turned(&self.full(x), is_transposed), &mut turned);
-        }
+        let dofs = self.system.dofs();
+        let turned = match self.system.is_damped() {
+            true => dofs.reduced(&self.turned(&dofs.full(x), is_transposed)),
+            false => vec![0.0; b.len()],
+        };
         b.iter().zip(&product).zip(&turned).map(|((b, ax), dx)| b - (ax - dx)).collect()
     }
 

@@ -2,7 +2,7 @@
 
 use super::jacobian::Jacobian;
 use super::tangent::{of_free, predicted};
-use super::{Cotangent, DifferentiableRun, Forward, Parameters, Record};
+use super::{Core, Cotangent, DifferentiableRun, Forward, Parameters, Record};
 use crate::error::Result;
 use crate::integrate::Method;
 use crate::system::State;
@@ -91,25 +91,15 @@ impl<'r, 's> Reverse<'r, 's> {
         Ok(())
     }
 
-    pub(super) fn implicit(
-        &mut self,
-        step: usize,
-        before: Option<&Record>,
-        here: &Record,
-        next: &Record,
-    ) -> Result<()> {
+    fn implicit(&mut self, step: usize, before: Option<&Record>, here: &Record, next: &Record) -> Result<()> {
         let Self { run, jacobian, result, .. } = self;
-        let (system, [tau, beta]) = (run.system, run.core(step));
-        let base = run.base(step, before, &here.state);
-        let solved = run.solved(step, &base, &here.state, &next.state);
+        let Core { tau, beta, doubles, base, solved } = run.core(step, before, &here.state, &next.state);
         jacobian.set(&solved, tau)?;
-        let doubles = if run.method == Method::ImplicitMidpoint { 2.0 } else { 1.0 };
-        let dofs = system.dofs();
+        let doubles = if doubles { 2.0 } else { 1.0 };
+        let (system, dofs) = (run.system, run.system.dofs());
         let full: Vec<_> = self.positions.iter().zip(&self.velocities).map(|(x, v)| (x + v / tau) * doubles).collect();
-        let mut right = vec![0.0; dofs.len()];
-        dofs.gather(&full, &mut right);
-        let solution = jacobian.solve(&right, true)?;
-        let adjoint = jacobian.full(&solution);
+        let right = dofs.reduced(&full);
+        let adjoint = dofs.full(&jacobian.solve(&right, true)?);
         let [moved, damped] = result.add_force_adjoint(system, &jacobian.point(&solved), &adjoint);
         let mut earlier = [vec![Vector3::zeros(); full.len()], vec![Vector3::zeros(); full.len()]];
         for p in 0..full.len() {
@@ -137,9 +127,10 @@ impl<'r, 's> Reverse<'r, 's> {
         Ok(())
     }
 
-    /// With cotangents of x', v' and a': those of x, v and a, of `v½ = v + ½h a`, `x' = x + h v½`, `v* = v + h a`, `a' = M⁻¹F(x', v*)`, `v' = v½ + ½h a'`.
-    pub(super) fn verlet(&mut self, step: usize, here: &Record, next: &Record) -> Result<()> {
-        let (system, h) = (self.run.system, self.run.lengths[step]);
+    /// With cotangents of x', v' and a': those of x, v and a, of `v½ = v + ½h a`, `x' = x + h v½`, `v* = v + h a`, `a' = M⁻¹F(x', v*)`,
+    /// `v' = v½ + ½h a'`.
+    fn verlet(&mut self, step: usize, here: &Record, next: &Record) -> Result<()> {
+        let (system, h) = (self.run.system, self.run.steps[step]);
         let predicted = predicted(system, h, here, next);
         let total: Vec<_> = self.accelerations.iter().zip(&self.velocities).map(|(a, v)| a + v * (0.5 * h)).collect();
         let [moved, damped] = self.force_adjoint(&predicted, &next.acceleration, &total)?;
@@ -161,7 +152,7 @@ impl<'r, 's> Reverse<'r, 's> {
     }
 
     /// `(K + D)ᵀ μ` and `Gᵀ μ` with `μ = M⁻¹ ā` on free coordinates, of an acceleration `a = M⁻¹ F` at a state; parameters get their parts.
-    pub(super) fn force_adjoint(
+    fn force_adjoint(
         &mut self,
         at: &State,
         acceleration: &[Vector3<f64>],
@@ -194,9 +185,10 @@ impl<'r, 's> Reverse<'r, 's> {
 
 /// Where a sweep over `count` steps with room for some states, the first one included, sets its next checkpoint; at the end where all have room.
 ///
-/// States computed again at most r times each suffice for `N(room, r) = C(room + r, r)` steps, as the steps from the checkpoint on have one state less,
-/// and those before it were passed once: `N(room, r) = N(room − 1, r) + N(room, r − 1)`. With the least such r, as few steps as possible are computed again
-/// wherever the first part has from `N(room, r − 2)` to `N(room, r − 1)` steps and the second from `N(room − 1, r − 1)` to `N(room − 1, r)`.
+/// States computed again at most r times each suffice for `N(room, r) = C(room + r, r)` steps, as the steps from the checkpoint on have one state
+/// less, and those before it were passed once: `N(room, r) = N(room − 1, r) + N(room, r − 1)`. With the least such r, as few steps as possible are
+/// computed again wherever the first part has from `N(room, r − 2)` to `N(room, r − 1)` steps and the second from `N(room − 1, r − 1)` to
+/// `N(room − 1, r)`.
 pub(super) fn split(count: usize, room: usize) -> usize {
     // The last state is at hand and needs no room.
     if count <= room + 1 {

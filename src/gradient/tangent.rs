@@ -1,10 +1,10 @@
 //! Changes of the states of a run, from its start to its end.
 
 use super::jacobian::Jacobian;
-use super::{DifferentiableRun, Parameters, Record, StateChange};
+use super::{Core, DifferentiableRun, Parameters, Record, StateChange};
 use crate::error::Result;
 use crate::integrate::Method;
-use crate::system::{State, System};
+use crate::system::{Dof, State, System};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -21,14 +21,6 @@ struct Tangent<'r> {
     now: StateChange,
     accelerations: Vec<Vector3<f64>>,
     before: StateChange,
-}
-
-struct Core {
-    tau: f64,
-    beta: f64,
-    doubles: bool,
-    base: State,
-    solved: State,
 }
 
 impl<'r, 's> Tangents<'r, 's> {
@@ -48,27 +40,18 @@ impl<'r, 's> Tangents<'r, 's> {
         let system = run.system;
         run.check_interrupt(step, here.state.time)?;
         if run.method == Method::Verlet {
-            let h = run.lengths[step];
+            let h = run.steps[step];
             let predicted = predicted(system, h, here, next);
             jacobian.linearise(&predicted)?;
             tangents.par_iter_mut().for_each(|tangent| tangent.verlet(h, &predicted, &next.acceleration, jacobian));
             return Ok(());
         }
-        let [tau, beta] = run.core(step);
-        let base = run.base(step, before, &here.state);
-        let solved = run.solved(step, &base, &here.state, &next.state);
-        jacobian.set(&solved, tau)?;
-        let core = Core { tau, beta, doubles: run.method == Method::ImplicitMidpoint, base, solved };
-        let order = system.dofs().len();
-        let mut columns = vec![0.0; order * tangents.len()];
-        let rows = order.max(1);
-        columns
-            .par_chunks_exact_mut(rows)
-            .zip(tangents.par_iter())
-            .for_each(|(column, tangent)| tangent.right_side(&core, jacobian, column));
-        let solutions = jacobian.solve(&columns, false)?;
-        let solved = solutions.par_chunks_exact(rows).zip(tangents.par_iter_mut());
-        solved.for_each(|(solution, tangent)| tangent.advance(&core, system, &jacobian.full(solution)));
+        let core = run.core(step, before, &here.state, &next.state);
+        jacobian.set(&core.solved, core.tau)?;
+        let columns: Vec<Vec<f64>> = tangents.par_iter().map(|tangent| tangent.right_side(&core, jacobian)).collect();
+        let solutions = jacobian.solve(&columns.concat(), false)?;
+        let solved = solutions.par_chunks_exact(system.dofs().len().max(1)).zip(tangents.par_iter_mut());
+        solved.for_each(|(solution, tangent)| tangent.advance(&core, system, &system.dofs().full(solution)));
         Ok(())
     }
 }
@@ -106,12 +89,10 @@ impl<'r> Tangent<'r> {
 
     fn verlet(&mut self, h: f64, predicted: &State, acceleration: &[Vector3<f64>], jacobian: &Jacobian<'_>) {
         let [mut x, mut v] = self.now.clone();
-        for p in 0..x.len() {
-            for axis in jacobian.system.dofs().free_axes(p).iter() {
-                let (dv, da) = (v[p][axis], self.accelerations[p][axis]);
-                x[p][axis] += h * (dv + 0.5 * h * da);
-                v[p][axis] += h * da;
-            }
+        for Dof { particle: p, axis } in jacobian.system.dofs().iter() {
+            let (dv, da) = (v[p][axis], self.accelerations[p][axis]);
+            x[p][axis] += h * (dv + 0.5 * h * da);
+            v[p][axis] += h * da;
         }
         let after = self.acceleration_change(predicted, acceleration, [&x, &v], jacobian);
         for ((v, before), after) in self.now[1].iter_mut().zip(&self.accelerations).zip(&after) {
@@ -129,7 +110,7 @@ impl<'r> Tangent<'r> {
     }
 
     /// `(M/τ² − G/τ) δx̃ + M δṽ/τ + (K + D) δx_held + ∂F/∂p δp − δm (x' − x̃ − τṽ)/τ²`.
-    fn right_side(&self, core: &Core, jacobian: &Jacobian<'_>, right: &mut [f64]) {
+    fn right_side(&self, core: &Core, jacobian: &Jacobian<'_>) -> Vec<f64> {
         let Core { tau, base, solved, .. } = core;
         let (system, change) = (jacobian.system, self.change);
         let [x, v] = self.base(core.beta);
@@ -145,20 +126,17 @@ impl<'r> Tangent<'r> {
             force[p] +=
                 free[p] * (mass / (tau * tau)) - damped[p] / *tau + v[p] * (mass / tau) - inertia * change.masses[p];
         }
-        system.dofs().gather(&force, right);
+        system.dofs().reduced(&force)
     }
 
-    /// With the change of the positions that a core solved for.
     fn advance(&mut self, core: &Core, system: &System, moved: &[Vector3<f64>]) {
         let Core { tau, beta, doubles, .. } = *core;
         let [x, _] = self.base(beta);
         let now = self.now.clone();
-        for p in 0..x.len() {
-            for axis in system.dofs().free_axes(p).iter() {
-                let (middle, rate) = (moved[p][axis], (moved[p][axis] - x[p][axis]) / tau);
-                self.now[0][p][axis] = if doubles { 2.0 * middle - now[0][p][axis] } else { middle };
-                self.now[1][p][axis] = if doubles { 2.0 * rate - now[1][p][axis] } else { rate };
-            }
+        for Dof { particle: p, axis } in system.dofs().iter() {
+            let (middle, rate) = (moved[p][axis], (moved[p][axis] - x[p][axis]) / tau);
+            self.now[0][p][axis] = if doubles { 2.0 * middle - now[0][p][axis] } else { middle };
+            self.now[1][p][axis] = if doubles { 2.0 * rate - now[1][p][axis] } else { rate };
         }
         self.before = now;
     }
@@ -172,10 +150,8 @@ pub(crate) fn of_free(system: &System, vectors: &[Vector3<f64>]) -> Vec<Vector3<
 /// The state at which Verlet's method takes forces: x' and `v* = v + h a`.
 pub(super) fn predicted(system: &System, h: f64, here: &Record, next: &Record) -> State {
     let mut predicted = next.state.clone();
-    for (p, v) in predicted.velocities.iter_mut().enumerate() {
-        for axis in system.dofs().free_axes(p).iter() {
-            v[axis] = here.state.velocities[p][axis] + h * here.acceleration[p][axis];
-        }
+    for Dof { particle: p, axis } in system.dofs().iter() {
+        predicted.velocities[p][axis] = here.state.velocities[p][axis] + h * here.acceleration[p][axis];
     }
     predicted
 }

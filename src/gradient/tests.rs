@@ -101,6 +101,21 @@ fn cost(run: &DifferentiableRun<'_>, cotangents: &[Cotangent]) -> f64 {
     cotangents.iter().map(value).sum()
 }
 
+fn few_states<'s>(
+    system: &'s System,
+    state: &State,
+    method: Method,
+    times: [f64; 2],
+    room: usize,
+) -> DifferentiableRun<'s> {
+    DifferentiableRun::interruptible(system, state, method, times, Some(room), Interrupt::NEVER).unwrap()
+}
+
+/// How the last state changes.
+fn last_change(run: &DifferentiableRun<'_>, change: &Parameters) -> StateChange {
+    run.tangents(std::slice::from_ref(change), &[run.steps()]).unwrap().remove(0).remove(0)
+}
+
 /// Taylor's theorem for all parameters at once: what the gradient leaves is of second order, over four halvings.
 #[test]
 fn remainders_are_of_second_order() {
@@ -151,7 +166,7 @@ fn tangents_and_adjoints_agree() {
             Parameters { velocities: all.velocities.clone(), ..zero() },
         ];
         for (kind, change) in kinds.iter().enumerate() {
-            let [x, v] = run.tangent(change).unwrap();
+            let [x, v] = last_change(&run, change);
             let forward = product(&end.positions, &x) + product(&end.velocities, &v);
             let backward = gradient.dot(change);
             let scale = forward.abs().max(1e-3);
@@ -162,14 +177,14 @@ fn tangents_and_adjoints_agree() {
         let gradient = run.gradient(std::slice::from_ref(&middle)).unwrap();
         let steps = [middle.step, run.steps()];
         let found = run.tangents(&kinds, &steps).unwrap();
-        let few = DifferentiableRun::with_checkpoints(&system, &state, method, 0.02, 0.15, 3).unwrap();
+        let few = few_states(&system, &state, method, [0.02, 0.15], 3);
         assert_eq!(few.tangents(&kinds, &steps).unwrap(), found, "{}", method.name());
         for (change, states) in kinds.iter().zip(&found) {
             let [x, v] = &states[0];
             let forward = product(&middle.positions, x) + product(&middle.velocities, v);
             let error = (forward - gradient.dot(change)).abs();
             assert!(error < 1e-12 * forward.abs().max(1e-3), "{}: {forward} {error}", method.name());
-            let alone = run.tangent(change).unwrap();
+            let alone = last_change(&run, change);
             for (together, alone) in states[1].iter().flatten().zip(alone.iter().flatten()) {
                 assert!((together - alone).norm() < 1e-11 * alone.norm().max(1e-2), "{}", method.name());
             }
@@ -190,7 +205,7 @@ fn checkpoints_change_no_bit() {
         let cotangents = cotangents(&run, 9);
         let gradient = run.gradient(&cotangents).unwrap();
         for room in [2, 3, 5, 12, 38] {
-            let few = DifferentiableRun::with_checkpoints(&system, &state, method, 0.01, 0.375, room).unwrap();
+            let few = few_states(&system, &state, method, [0.01, 0.375], room);
             assert_eq!((few.states().len(), few.end()), (2, run.end()), "{}", method.name());
             assert_eq!(few.gradient(&cotangents).unwrap(), gradient, "{} {room}", method.name());
         }
@@ -227,8 +242,7 @@ fn strong_damping_is_solved_with_the_whole_jacobian() {
     let (system, state) = Net::new(6, true, 300.0).build(0.0);
     let run = DifferentiableRun::new(&system, &state, Method::BackwardEuler, 0.2, 0.2).unwrap();
     let mut jacobian = Jacobian::new(&system, &state).unwrap();
-    let base = run.base(0, None, &state);
-    jacobian.set(&run.solved(0, &base, &state, run.end()), 0.2).unwrap();
+    jacobian.set(&run.core(0, None, &state, run.end()).solved, 0.2).unwrap();
     let b: Vec<f64> = (0..system.dofs().len()).map(|row| (row as f64).cos()).collect();
     for is_transposed in [false, true] {
         let x = jacobian.solve_unsymmetric(&b, is_transposed).unwrap();

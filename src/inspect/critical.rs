@@ -8,29 +8,24 @@
 //! stable:    μ = 4, γ = 2, C = −2 K_opt + K        so that P = S = 4M/dt² − 2G/dt − 2K_opt + K
 //! ```
 //!
-//! `uᵀP(s)u` grows with s for every u, so the s for which P is positive definite are an interval `(s*, ∞)`, and the largest step
-//! is `dt* = 1/s*`; where C itself is positive semidefinite every step will do.
+//! `uᵀP(s)u` grows with s for every u, so the s for which P is positive definite are an interval `(s*, ∞)`, and the largest step is `dt* = 1/s*`;
+//! where C itself is positive semidefinite every step will do.
 //!
 //! **The matrix S.** Linearised at an equilibrium, a step of linearised backward Euler obeys
-//! `M(x₊ − 2x + x₋)/dt² − G(x₊ − x)/dt − K_opt(x₊ − x) − K x = 0`. With `x₊ = z x`, `x₋ = x/z` and the scalars
-//! `a = uᵀMu/dt²`, `c = −uᵀGu/dt − uᵀK_opt u`, `κ = −uᵀKu` of a mode u this is `(a + c) z² + (κ − c − 2a) z + a = 0`. Both roots
-//! lie in the unit disc (Jury) iff `a + c > 0`, `c ≥ 0`, `κ ≥ 0`, and the polynomial at z = −1 is not negative:
-//! `4a + 2c − κ ≥ 0`, which is `uᵀSu ≥ 0`. Under `Full` c ≥ κ, and under `Tension` the same holds for stretched springs: S adds
-//! nothing. Under `Axial` the stretched springs' transverse modes are left to the old positions, as in symplectic Euler, and S
-//! demands `dt ≤ 2/ω`.
+//! `M(x₊ − 2x + x₋)/dt² − G(x₊ − x)/dt − K_opt(x₊ − x) − K x = 0`. With `x₊ = z x`, `x₋ = x/z` and the scalars `a = uᵀMu/dt²`,
+//! `c = −uᵀGu/dt − uᵀK_opt u`, `κ = −uᵀKu` of a mode u this is `(a + c) z² + (κ − c − 2a) z + a = 0`. Both roots lie in the unit disc (Jury) iff
+//! `a + c > 0`, `c ≥ 0`, `κ ≥ 0`, and the polynomial at z = −1 is not negative: `4a + 2c − κ ≥ 0`, which is `uᵀSu ≥ 0`. Under `Full` c ≥ κ, and under
+//! `Tension` the same holds for stretched springs: S adds nothing. Under `Axial` the stretched springs' transverse modes are left to the old
+//! positions, as in symplectic Euler, and S demands `dt ≤ 2/ω`.
 //!
-//! **An unstable equilibrium** (κ < 0 for some u) has a motion that grows, whatever the method: one root is real and above 1, as it
-//! must be, and S says that the others stay in the disc. This needs A positive definite, so the stable step is never larger than
-//! the definite one. At other states both hold for the motion relative to the trajectory, as long as springs change little.
+//! **An unstable equilibrium** (κ < 0 for some u) has a motion that grows, whatever the method: one root is real and above 1, and S says that the
+//! others stay in the disc. At other states both properties hold for the motion relative to the trajectory, as long as springs change little.
 //!
-//! **The search.** A factorization `P = L D Lᵀ` with D > 0 proves P definite, to rounding: the oracle. Where it refuses, or where a
-//! vector u with `uᵀP(s)u ≤ 0` is known, P is not definite. Along any u the scalar quadratic `uᵀP(s)u` has a root that is a lower
-//! bound for s*, short of it by the square of the error of u. The first u is the lowest Ritz vector of `M⁻¹C`. From an accepted s₀
-//! on the next is the lowest eigenvector of the pencil (P(s₀), M), by Lanczos with the factor at hand: without damping that is the
-//! null vector of P(s*) for every s₀, with damping this is Newton's iteration for the lowest eigenvalue of a hyperbolic quadratic
-//! pencil. A refused factorization gives `u = L⁻ᵀe_j`, for which `uᵀPu = d_j < 0`. The next trial lies above the bound by the
-//! estimated error of the bound, and no farther than halfway to the accepted s. The interval ends at the oracle's own rounding: a
-//! relative width of `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
+//! **The search.** A factorization `P = L D Lᵀ` with D > 0 proves P definite, to rounding. Along any u the scalar quadratic `uᵀP(s)u` has a root that
+//! is a lower bound for s*, short of it by the square of the error of u: the lowest Ritz vector of `M⁻¹C`, then the lowest eigenvector of the pencil
+//! (P(s₀), M) of an accepted s₀, by Lanczos with the factor at hand (with damping this is Newton's iteration for a hyperbolic quadratic pencil), or
+//! the `u = L⁻ᵀe_j` of a refused factorization. The next trial lies above the bound by its estimated error, and no farther than halfway to the
+//! accepted s. The interval ends at the oracle's own rounding, a relative width of `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
 
 use super::inertia::{InertiaCounter, largest_at_particle};
 use super::oracle::Oracle;
@@ -54,38 +49,12 @@ pub enum Property {
 }
 
 impl Property {
-    /// μ, the factor of `s² M`.
-    fn mass(self) -> f64 {
+    /// μ and γ, the factors of `s² M` and of `−s G`.
+    fn factors(self) -> [f64; 2] {
         match self {
-            Self::Definite => 1.0,
-            Self::Stable => 4.0,
+            Self::Definite => [1.0, 1.0],
+            Self::Stable => [4.0, 2.0],
         }
-    }
-
-    /// γ, the factor of `−s G`.
-    fn damping(self) -> f64 {
-        match self {
-            Self::Definite => 1.0,
-            Self::Stable => 2.0,
-        }
-    }
-}
-
-/// `uᵀP(s)u = mass s² + damping s + constant`.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Curvature {
-    pub mass: f64,
-    pub damping: f64,
-    pub constant: f64,
-}
-
-impl Curvature {
-    /// The positive s at which the curvature vanishes; `None` when it is positive for every s > 0.
-    pub fn root(&self) -> Option<f64> {
-        let Self { mass, damping, constant } = *self;
-        let discriminant = damping * damping - 4.0 * mass * constant;
-        // The form without cancellation: damping ≥ 0 and constant < 0.
-        (constant < 0.0).then(|| -2.0 * constant / (damping + discriminant.sqrt()))
     }
 }
 
@@ -94,11 +63,12 @@ pub(super) struct MatrixPencil<'s> {
     pub property: Property,
     pub option: Stiffness,
     pub system: &'s System,
-    extensions: SpringGeometry,
-    operator: SystemOperator<'s>,
+    pub extensions: SpringGeometry,
+    pub operator: SystemOperator<'s>,
     /// G, for the curvature along a vector.
     damping: SystemOperator<'s>,
     product: Vec<f64>,
+    /// m of every degree of freedom, in kg.
     masses: Vec<f64>,
 }
 
@@ -124,7 +94,8 @@ impl<'s> MatrixPencil<'s> {
     /// Makes the operator P(s).
     pub fn set(&mut self, s: f64) {
         let Self { property, option, .. } = *self;
-        let (mass, damping) = (property.mass() * s * s, property.damping() * s);
+        let [mu, gamma] = property.factors();
+        let (mass, damping) = (mu * s * s, gamma * s);
         self.operator.set_external(&self.extensions, |at| {
             let dropped = -if option == Stiffness::Full { at.stiffness } else { negative_part(&at.stiffness) };
             let stiffness = match property {
@@ -143,31 +114,20 @@ impl<'s> MatrixPencil<'s> {
         });
     }
 
-    pub fn operator(&self) -> &SystemOperator<'s> {
-        &self.operator
-    }
-
-    pub fn extensions(&self) -> &SpringGeometry {
-        &self.extensions
-    }
-
-    pub fn blocks(&self) -> &[SpringBlock] {
-        self.operator.blocks()
-    }
-
-    /// The coefficients of `uᵀP(s)u`. Leaves the operator at s = 0.
-    pub fn curvature(&mut self, u: &[f64]) -> Curvature {
+    /// The coefficients of s², s and 1 in `uᵀP(s)u`. Leaves the operator at s = 0.
+    fn curvature(&mut self, u: &[f64]) -> [f64; 3] {
         let kinetic: f64 = u.iter().zip(&self.masses).map(|(u, mass)| mass * u * u).sum();
         self.damping.apply(u, &mut self.product);
         let damping = -dot(u, &self.product);
         self.set(0.0);
         self.operator.apply(u, &mut self.product);
         let constant = dot(u, &self.product);
-        Curvature { mass: self.property.mass() * kinetic, damping: self.property.damping() * damping, constant }
+        let [mu, gamma] = self.property.factors();
+        [mu * kinetic, gamma * damping, constant]
     }
 
     /// The lowest Ritz vector of `M⁻¹C` from sixty products; expects the operator at s = 0.
-    pub fn lowest_direction(&self) -> Option<Vec<f64>> {
+    fn lowest_direction(&self) -> Option<Vec<f64>> {
         let apply = |x: &[f64], y: &mut [f64]| {
             self.operator.apply(x, y);
             y.iter_mut().zip(&self.masses).for_each(|(y, mass)| *y /= mass);
@@ -175,14 +135,9 @@ impl<'s> MatrixPencil<'s> {
         probe(self.masses.len(), Some(&self.masses), 60, &mut { apply }).map(|[low, _]| low.vector)
     }
 
-    /// m of every degree of freedom, in kg.
-    pub fn masses(&self) -> &[f64] {
-        &self.masses
-    }
-
-    /// `‖M^{-1/2} P(s) u‖/(2 s² ‖M^{1/2} u‖)`, at the s of the operator: about the relative distance of the root along u from the s
-    /// at which P is singular, without damping.
-    pub fn residual(&mut self, u: &[f64]) -> f64 {
+    /// `‖M^{-1/2} P(s) u‖/(2 s² ‖M^{1/2} u‖)`, at the s of the operator: about the relative distance of the root along u from the s at which P is
+    /// singular, without damping.
+    fn residual(&mut self, u: &[f64]) -> f64 {
         let Self { operator, product, masses, .. } = self;
         operator.apply(u, product);
         let left: f64 = product.iter().zip(&*masses).map(|(p, mass)| p * p / mass).sum();
@@ -190,24 +145,25 @@ impl<'s> MatrixPencil<'s> {
         0.5 * left.sqrt() / (operator.mass_factor() * kinetic.sqrt())
     }
 
-    /// A bound for ‖P(s)‖: the largest sum of `μ s² m_i` and twice the norms of the blocks at a free particle. Expects the operator at
-    /// s = 0, so that damping is left out.
-    pub fn norm_bound(&self, s: f64) -> f64 {
+    /// A bound for ‖P(s)‖: the largest sum of `μ s² m_i` and twice the norms of the blocks at a free particle. Expects the operator at s = 0, so that
+    /// damping is left out.
+    fn norm_bound(&self, s: f64) -> f64 {
         let norm = |block: &SpringBlock, _| 2.0 * block.transverse.abs().max(block.axial.abs());
-        let inertia = |mass: f64| self.property.mass() * s * s * mass;
+        let [mu, _] = self.property.factors();
+        let inertia = |mass: f64| mu * s * s * mass;
         largest_at_particle(&self.operator, inertia, |block| block.norm(), norm, |sum, _| sum)
     }
 
     /// An s at which P is positive definite for certain; expects the operator at s = 0.
     ///
-    /// A spring with the lowest eigenvalue −c takes at most `c‖u_i − u_j‖² ≤ 2c(‖u_i‖² + ‖u_j‖²)` from uᵀPu, and only
-    /// `c‖u_i‖²` where j is held. So `μ s² m_i > Σ 2c` over the springs at every particle i is enough.
-    pub fn surely_definite(&self) -> f64 {
+    /// A spring with the lowest eigenvalue −c takes at most `c‖u_i − u_j‖² ≤ 2c(‖u_i‖² + ‖u_j‖²)` from uᵀPu, and only `c‖u_i‖²` where j is held. So
+    /// `μ s² m_i > Σ 2c` over the springs at every particle i is enough.
+    fn surely_definite(&self) -> f64 {
         let taken = |block: &SpringBlock, is_free: bool| (-block.lowest()).max(0.0) * if is_free { 2.0 } else { 1.0 };
         let external = |block: &nalgebra::Matrix3<f64>| block.symmetric_eigenvalues().min().min(0.0).abs();
         let largest = largest_at_particle(&self.operator, |_| 0.0, external, taken, |sum, mass| sum / mass);
         // A little above, so that rounding does not make the factorization fail there.
-        (largest / self.property.mass()).sqrt() * (1.0 + 1e-6)
+        (largest / self.property.factors()[0]).sqrt() * (1.0 + 1e-6)
     }
 }
 
@@ -220,8 +176,8 @@ pub enum LargestStep {
     UpTo {
         /// The longest step at which a factorization proved it, in s.
         dt: f64,
-        /// A longer step at which it is lost, by a factorization that refused or a direction of negative curvature, in s; as near
-        /// to `dt` as rounding allows.
+        /// A longer step at which it is lost, by a factorization that refused or a direction of negative curvature, in s; as near to `dt` as rounding
+        /// allows.
         refused: f64,
     },
     /// Not computed.
@@ -267,14 +223,14 @@ pub struct CriticalSteps<'s> {
     pub work: Work,
 }
 
-/// Facts about A under `Full` before a search for its limit.
+/// Facts about P before a search for its limit.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Known {
-    /// −K has negative eigenvalues; `None` where not counted.
+pub(super) struct Facts {
+    /// C has negative eigenvalues; `None` where not counted.
     pub curves_downwards: Option<bool>,
     /// A direction, not necessarily a good one.
     pub direction: Option<Vec<f64>>,
-    /// An s at which A is positive definite, proven.
+    /// An s at which P is positive definite, proven.
     pub definite_from: Option<f64>,
 }
 
@@ -296,28 +252,24 @@ impl<'s> CriticalSteps<'s> {
         Ok(Self { pencil, oracle, inertia, work: Work::default() })
     }
 
-    /// The limit of definiteness under `Full`, with known facts.
-    pub(super) fn definite_knowing(&mut self, known: Known) -> LargestStep {
-        match known.curves_downwards {
-            Some(false) => LargestStep::Every,
-            _ => self.search(Property::Definite, Stiffness::Full, known),
-        }
-    }
-
     /// The largest step that keeps a property under an option, certified by factorizations on both sides.
     pub fn largest_step(&mut self, property: Property, option: Stiffness) -> LargestStep {
         // Under `Full` S(s) is A(2s): semidefinite as far as A is, and beyond. Else A is positive definite for every s.
         let property = if option == Stiffness::Full { Property::Definite } else { property };
-        self.search(property, option, Known::default())
+        self.search(property, option, Facts::default())
     }
 
-    fn search(&mut self, property: Property, option: Stiffness, known: Known) -> LargestStep {
+    /// As [`largest_step`](Self::largest_step), with known facts.
+    pub(super) fn search(&mut self, property: Property, option: Stiffness, known: Facts) -> LargestStep {
+        if known.curves_downwards == Some(false) {
+            return LargestStep::Every;
+        }
         (self.pencil.property, self.pencil.option) = (property, option);
         self.pencil.set(0.0);
         // Blocks that are all positive semidefinite, to the rounding of lengths, decide it without a factorization.
         let rounding = 16.0 * f64::EPSILON;
         let is_none = |block: &SpringBlock| block.lowest() >= -rounding * block.transverse.abs().max(block.axial.abs());
-        if self.pencil.blocks().iter().all(is_none) {
+        if self.pencil.operator.blocks().iter().all(is_none) {
             return LargestStep::Every;
         }
         // Above this P(s) is definite for certain.
@@ -327,7 +279,7 @@ impl<'s> CriticalSteps<'s> {
         let is_near = !u.is_empty() && self.raise(&mut bound, &u) && self.shortfall(bound, &u) <= 1e-2;
         if !is_near {
             self.pencil.set(0.0);
-            let lowest = self.pencil.lowest_direction().unwrap_or_else(|| vec![0.0; self.pencil.masses().len()]);
+            let lowest = self.pencil.lowest_direction().unwrap_or_else(|| vec![0.0; self.pencil.masses.len()]);
             if self.raise(&mut bound, &lowest) || u.is_empty() {
                 u = lowest;
             }
@@ -378,7 +330,7 @@ impl<'s> CriticalSteps<'s> {
     /// About the lowest eigenvector of the pencil (P(s), M), with the P(s) that is factored, from a direction near it.
     fn improved(&mut self, u: &[f64]) -> Vec<f64> {
         let Self { pencil, oracle, work, .. } = self;
-        let (n, masses) = (u.len(), pencil.masses());
+        let (n, masses) = (u.len(), &pencil.masses[..]);
         let mut solve = |x: &[f64], y: &mut [f64]| {
             work.solves += (x.len() / n) as u64;
             for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
@@ -402,29 +354,30 @@ impl<'s> CriticalSteps<'s> {
 
     fn is_definite(&mut self, s: f64) -> bool {
         self.pencil.set(s);
-        self.oracle.is_definite(self.pencil.operator(), &mut self.work)
+        self.oracle.is_definite(&self.pencil.operator, &mut self.work)
     }
 
     /// C has negative eigenvalues, by a count.
     pub(super) fn curves_downwards(&mut self) -> bool {
         self.pencil.set(0.0);
-        self.oracle.matrix.refill(self.pencil.operator());
+        self.oracle.matrix.refill(&self.pencil.operator);
         self.work.assemblies += 1;
         self.inertia.count(self.oracle.matrix.matrix(), &mut self.work).negative > 0
     }
 
     /// Raises the bound to the root along u; returns `false` where that is not higher.
     pub(super) fn raise(&mut self, bound: &mut Bound, u: &[f64]) -> bool {
-        let curvature = self.pencil.curvature(u);
-        match curvature.root().filter(|&root| root.is_finite() && root > bound.s) {
-            Some(root) => {
-                let slope = (2.0 * curvature.mass * root + curvature.damping) * root;
-                let norm = self.pencil.norm_bound(root) * dot(u, u);
-                *bound = Bound { s: root, rounding: 2.0 * f64::EPSILON * (2.0 + norm / slope) };
-                true
-            }
-            None => false,
+        let [mass, damping, constant] = self.pencil.curvature(u);
+        let discriminant = damping * damping - 4.0 * mass * constant;
+        // The form without cancellation, as damping ≥ 0; without a negative constant there is no root.
+        let root = -2.0 * constant / (damping + discriminant.sqrt());
+        let is_higher = constant < 0.0 && root.is_finite() && root > bound.s;
+        if is_higher {
+            let slope = (2.0 * mass * root + damping) * root;
+            let norm = self.pencil.norm_bound(root) * dot(u, u);
+            *bound = Bound { s: root, rounding: 2.0 * f64::EPSILON * (2.0 + norm / slope) };
         }
+        is_higher
     }
 }
 

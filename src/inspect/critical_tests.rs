@@ -1,6 +1,6 @@
 //! Searches whose every trial is known by hand: particles that move along one axis each.
 
-use super::critical::{Bound, CriticalSteps, Known, LargestStep};
+use super::critical::{Bound, CriticalSteps, Facts, LargestStep};
 use crate::inspect::Property::{Definite, Stable};
 use crate::inspect::fixtures::{Pin, pin, pinned};
 use crate::inspect::tests::chain;
@@ -19,8 +19,8 @@ fn limit(step: LargestStep) -> [f64; 2] {
     [dt, refused]
 }
 
-/// Along (3): 18 s² + 18 s − 108 vanishes at 2, where it rises by 90 for every unit of s; ‖P‖ is at most 8 + 2·12. Of the other requirement
-/// 72 s² + 36 s − 108 vanishes at 1.
+/// Along (3): 18 s² + 18 s − 108 vanishes at 2, where it rises by 90 for every unit of s; ‖P‖ is at most 8 + 2·12. Of the other requirement 72 s² +
+/// 36 s − 108 vanishes at 1.
 #[test]
 fn a_bound_is_the_root_along_a_direction() {
     let held = pinned(&[Pin { mass: 2.0, taken: 12.0, damping: 2.0 }]);
@@ -42,7 +42,8 @@ fn a_bound_is_the_root_along_a_direction() {
     assert!(!steps.raise(&mut nothing(), &[3.0]));
 }
 
-/// One takes 12 N/m, one adds 5: the limit is that of the first, whatever direction is known before. Where the other takes too the lower limit counts.
+/// One takes 12 N/m, one adds 5: the limit is that of the first, whatever direction is known before. Where the other takes too the lower limit
+/// counts.
 #[test]
 fn a_direction_of_negative_curvature_is_found() {
     for (other, expected) in [(-5.0, 6.0f64.sqrt()), (8.0, 8.0f64.sqrt())] {
@@ -80,8 +81,8 @@ fn what_is_pressed_by_rounding_alone_limits_no_step() {
 }
 
 /// Facts about A at the limit s = 2: a direction, and an s that was proven.
-fn known(direction: &[f64], definite_from: Option<f64>) -> Known {
-    Known { curves_downwards: Some(true), direction: Some(direction.to_vec()), definite_from }
+fn known(direction: &[f64], definite_from: Option<f64>) -> Facts {
+    Facts { curves_downwards: Some(true), direction: Some(direction.to_vec()), definite_from }
 }
 
 /// Nothing is factored where the limit is known already to as many digits as a factorization tells.
@@ -90,27 +91,27 @@ fn a_bracket_that_is_narrow_enough_is_not_narrowed() {
     let held = pinned(&[pin(5.0, 20.0)]);
     let mut found = steps(&held);
     let proven = 2.0 * (1.0 + 2.0 * f64::EPSILON);
-    assert_eq!(limit(found.definite_knowing(known(&[1.0], Some(proven)))), [1.0 / proven, 0.5]);
+    assert_eq!(limit(found.search(Definite, FULL, known(&[1.0], Some(proven)))), [1.0 / proven, 0.5]);
     assert_eq!(found.work.factorizations, 0);
     // A bracket of 1 + 10⁻⁶ is wide.
-    let [dt, refused] = limit(found.definite_knowing(known(&[1.0], None)));
+    let [dt, refused] = limit(found.search(Definite, FULL, known(&[1.0], None)));
     assert!(dt < 0.5 && refused == 0.5 && 0.5 - dt < 1e-15, "{dt} {refused}");
     assert_eq!(found.work.factorizations, 1);
 }
 
-/// A direction that belongs to another eigenvalue, exactly: the factorization that refuses a step beyond its root finds the right one, and the
-/// next proves it.
+/// A direction that belongs to another eigenvalue, exactly: the factorization that refuses a step beyond its root finds the right one, and the next
+/// proves it.
 #[test]
 fn a_refusal_finds_the_direction_that_was_missed() {
     let held = pinned(&[pin(5.0, 20.0), pin(5.0, 5.0)]);
     let mut steps = steps(&held);
-    let [dt, refused] = limit(steps.definite_knowing(known(&[0.0, 1.0], None)));
+    let [dt, refused] = limit(steps.search(Definite, FULL, known(&[0.0, 1.0], None)));
     assert!(refused == 0.5 && dt < 0.5 && 0.5 - dt < 1e-15, "{dt} {refused}");
     assert_eq!(steps.work.factorizations, 2);
 }
 
-/// A particle in a corner, pressed by one spring and damped at an angle: its own limit is at s = 0.033 or so, far below where all is
-/// definite for certain; that of another particle is at 0.9. A trial between both finds it.
+/// A particle in a corner, pressed by one spring and damped at an angle: its own limit is at s = 0.033 or so, far below where all is definite for
+/// certain; that of another particle is at 0.9. A trial between both finds it.
 #[test]
 fn a_bound_that_says_little_is_bettered_from_above() {
     let search = |damping: f64| {
@@ -146,7 +147,7 @@ fn refusals_make_trials_bolder() {
     };
     let exact = (2.0 / 40.0f64).sqrt() / (free as f64 * std::f64::consts::PI / (2 * free + 2) as f64).sin();
     let mut steps = steps(&held);
-    let [dt, refused] = limit(steps.definite_knowing(known(&mode(free - 3), None)));
+    let [dt, refused] = limit(steps.search(Definite, FULL, known(&mode(free - 3), None)));
     assert!((dt / exact - 1.0).abs() < 1e-12 && refused > dt && refused < dt * (1.0 + 1e-12), "{dt} {refused}");
     assert!(steps.work.factorizations < 30, "{:?}", steps.work);
 }

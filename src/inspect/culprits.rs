@@ -7,9 +7,9 @@
 //! wᵀK^s w = (k/l0) (nᵀw)² + k(1/l0 − 1/l) ‖Pw‖²,          P = I − nnᵀ,
 //! ```
 //!
-//! and only the last term of compressed springs is negative. A spring's *share* of the negative curvature `uᵀ(−K)u` is its part of
-//! that sum: the shares of all springs add up to 1, those of the culprits to more where other springs resist. Dropping one spring's
-//! transverse term changes the curvature along u from λ to `λ − k(1/l0 − 1/l)‖Pw‖²`, an upper bound for the new lowest eigenvalue.
+//! and only the last term of compressed springs is negative. A spring's *share* of the negative curvature `uᵀ(−K)u` is its part of that sum: the
+//! shares of all springs add up to 1, those of the culprits to more where other springs resist. Dropping one spring's transverse term changes the
+//! curvature along u from λ to `λ − k(1/l0 − 1/l)‖Pw‖²`, an upper bound for the new lowest eigenvalue.
 
 use crate::eigen::Eigenpair;
 use crate::force::SpringGeometry;
@@ -58,8 +58,8 @@ pub struct Direction {
     pub movers: Vec<Mover>,
 }
 
-/// The springs behind an eigenpair of A under an option, and the particles that it moves most: a hundred springs at most with a
-/// thousandth of the worst share or more, and ten particles.
+/// The springs behind an eigenpair of A under an option, and the particles that it moves most: a hundred springs at most with a thousandth of the
+/// worst share or more, and ten particles.
 pub fn direction(system: &System, extensions: &SpringGeometry, option: Stiffness, pair: &Eigenpair) -> Direction {
     let dofs = system.dofs();
     let k = SystemOperator::new(system, extensions, option, Combination::STIFFNESS);
@@ -106,8 +106,7 @@ pub struct Cluster {
     pub strain: f64,
 }
 
-/// Groups the main culprits of several directions, those with a tenth of the worst share or more; the cluster of the lowest direction
-/// comes first.
+/// Groups the main culprits of several directions, those with a tenth of the worst share or more; the cluster of the lowest direction comes first.
 pub fn clusters(directions: &[Direction]) -> Vec<Cluster> {
     let mut found: Vec<(Culprit, f64)> = Vec::new();
     for direction in directions {

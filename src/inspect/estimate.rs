@@ -11,13 +11,13 @@
 //! | λ_max from below | a Rayleigh quotient | λ_max itself |
 //! | λ_max from above | `maxᵢ (mᵢ/dt² + Σ 2c)` over the springs at i, c the largest eigenvalue of each's block | |
 //!
-//! The last is `wᵀBw ≤ c‖uᵢ − uⱼ‖² ≤ 2c (‖uᵢ‖² + ‖uⱼ‖²)`, summed. u comes from the solver of `eigen`, preconditioned with multigrid for A
-//! without the transverse terms of compressed springs, which is positive definite.
+//! The last is `wᵀBw ≤ c‖uᵢ − uⱼ‖² ≤ 2c (‖uᵢ‖² + ‖uⱼ‖²)`, summed. u comes from the solver of `eigen`, preconditioned with multigrid for A without the
+//! transverse terms of compressed springs, which is positive definite.
 
 use super::critical::{LargestStep, MatrixPencil, Property};
 use super::culprits::direction;
-use super::inertia::{Inertia, largest_at_particle, lightest};
-use super::inspection::{FirstAnswer, Inspection, Part, SkipReason, index_of};
+use super::inertia::{Inertia, largest_at_particle};
+use super::inspection::{FirstAnswer, Inspection, Part, SkipReason, examined_first};
 use super::spectrum::{ROUNDING, Spectrum};
 use crate::eigen::{BlockLanczos, Eigenpair, End, Search, Tolerance, multigrid_for};
 use crate::error::Result;
@@ -45,23 +45,20 @@ impl Inspection {
         let mut found = Self::unknown(system, &extensions, dt, option, why);
         let operator = |option| SystemOperator::new(system, &extensions, option, Combination::step(dt));
         let mut multigrid = multigrid_for(&operator(Stiffness::Tension), &state.positions);
-        let mut options = Stiffness::ALL;
-        options.sort_by_key(|&each| each != option);
         let mut near: Option<Eigenpair> = None;
-        for (k, each) in options.into_iter().enumerate() {
+        for (k, each) in examined_first(option).into_iter().enumerate() {
             let a = operator(each);
             found.work.assemblies += 1;
             let spectrum = spectrum(&a, multigrid.as_mut(), near.as_ref(), &mut found.work);
             let lowest = spectrum.lowest.first().cloned();
             let is_definite = proves_definite(&a);
-            let figures = &mut found.options[index_of(each)];
-            figures.set_spectrum(&spectrum);
+            found.options[each as usize].set_spectrum(&spectrum);
             if is_definite {
-                figures.inertia = Inertia::definite(a.order());
+                found.options[each as usize].inertia = Inertia::definite(a.order());
                 found.set_known(Part::Signs(each));
             }
             if is_definite || each != Stiffness::Full {
-                found.options[index_of(each)].critical = LargestStep::Every;
+                found.options[each as usize].critical = LargestStep::Every;
                 found.set_known(Part::Definite(each));
             }
             found.set_estimated(Part::Spectrum(each));
@@ -89,24 +86,19 @@ impl Inspection {
         }
     }
 
-    /// Without negative blocks nothing grows and every step is definite.
+    /// Without negative blocks every step is stable, and under `Full` nothing grows.
     fn settled_by_springs(&mut self, system: &System, extensions: &SpringGeometry) {
-        let k = Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 };
-        if SystemOperator::new(system, extensions, Stiffness::Full, k).has_no_negative_block() {
-            self.growing_modes = 0;
-            let full = &mut self.options[index_of(Stiffness::Full)];
-            (full.critical, full.stable) = (LargestStep::Every, LargestStep::Every);
-            for part in [Part::GrowingModes, Part::SmallestSet, Part::Stable(Stiffness::Full)] {
-                self.set_known(part);
-            }
-        }
         let mut pencil = MatrixPencil::new(system, extensions.clone(), Property::Stable, Stiffness::Full);
-        for option in [Stiffness::Tension, Stiffness::Axial, Stiffness::Absolute] {
+        for option in Stiffness::ALL {
             pencil.option = option;
             pencil.set(0.0);
-            if pencil.operator().has_no_negative_block() {
-                self.options[index_of(option)].stable = LargestStep::Every;
+            if pencil.operator.has_no_negative_block() {
+                self.options[option as usize].stable = LargestStep::Every;
                 self.set_known(Part::Stable(option));
+                if option == Stiffness::Full {
+                    self.options[0].critical = LargestStep::Every;
+                    [Part::GrowingModes, Part::SmallestSet].into_iter().for_each(|part| self.set_known(part));
+                }
             }
         }
     }
@@ -148,8 +140,7 @@ fn spectrum(
         None => z.copy_from_slice(r),
     };
     let low = low.iterate(tolerance, 40, &mut apply, Some(&mut precondition));
-    let pair = |pair: crate::eigen::Ritz| Eigenpair { value: pair.value, vector: pair.vector, residual: pair.residual };
-    let lowest: Vec<Eigenpair> = low.into_iter().map(pair).collect();
+    let lowest: Vec<Eigenpair> = low.into_iter().map(Eigenpair::from).collect();
     let smallest = lowest.first().map_or(f64::NAN, |pair| pair.value);
     let largest = high.first().map_or(f64::NAN, |pair| pair.value);
     let ceiling = proven_ceiling(a);
@@ -162,7 +153,7 @@ fn spectrum(
 
 /// `min mᵢ/dt²`, below every eigenvalue where no block has a negative one.
 fn proven_floor(a: &SystemOperator<'_>) -> f64 {
-    if a.has_no_negative_block() { a.mass_factor() * lightest(a.system()) } else { f64::NEG_INFINITY }
+    if a.has_no_negative_block() { a.mass_factor() * a.system().free_masses()[0] } else { f64::NEG_INFINITY }
 }
 
 /// An upper bound for λ_max.

@@ -7,8 +7,8 @@ use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
 #[derive(Clone, Copy)]
 pub struct Pin {
     pub mass: f64,
-    /// Transverse stiffness taken from −K, in N/m, and added along the spring; below zero the spring is stretched, which adds as much
-    /// across and twice that along.
+    /// Transverse stiffness taken from −K, in N/m, and added along the spring; below zero the spring is stretched, which adds as much across and
+    /// twice that along.
     pub taken: f64,
     /// In N s/m.
     pub damping: f64,

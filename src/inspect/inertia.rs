@@ -1,27 +1,24 @@
 //! The numbers of negative, zero and positive eigenvalues of a symmetric matrix, with a measured certificate.
 //!
-//! **Sylvester's law.** A and `S A Sᵀ` have as many negative, zero and positive eigenvalues, for every invertible S. So the
-//! signs of the blocks of B in `A = L B Lᵀ` count those of A: the *inertia*, without one eigenvalue being computed.
+//! **Sylvester's law.** A and `S A Sᵀ` have as many negative, zero and positive eigenvalues, for every invertible S. So the signs of the blocks of B
+//! in `A = L B Lᵀ` count those of A: the *inertia*, without one eigenvalue being computed.
 //!
-//! **Rounding.** The factorization is that of a matrix nearby, `L B Lᵀ = A + E`. By Weyl's theorem eigenvalues move by at most
-//! `‖E‖`, so the signs of eigenvalues above `‖E‖` are right. An indefinite matrix can make E arbitrarily large without any pivot
-//! failing. Hence:
+//! **Rounding.** The factorization is that of a matrix nearby, `L B Lᵀ = A + E`. By Weyl's theorem the signs of eigenvalues above `‖E‖` are right,
+//! but an indefinite matrix can make E arbitrarily large without any pivot failing. Hence:
 //!
-//! 1. A is *equilibrated*, `C = S A S` with S a diagonal of powers of two that brings the largest entry of every row near 1: masses
-//!    or stiffnesses of very different size then hide no small eigenvalues.
-//! 2. `C − τ` and `C + τ` are factored. The first counts the eigenvalues below τ, the second those below −τ; those between count as
-//!    *zero*. Where the first has no negative pivot A is positive definite, and the second is not needed.
-//! 3. E is measured: `‖E‖ ≤ 10 √(2/π) maxᵢ ‖E gᵢ‖` for r Gaussian vectors gᵢ, wrong with probability 10⁻ʳ (Halko, Martinsson and
-//!    Tropp 2011, lemma 4.1); here r = 6. If the bound exceeds τ/2, the matrix is factored again with pivoting inside supernodes,
-//!    then, if it is small, densely; otherwise τ is widened to the measured error, and the count repeated.
+//! 1. A is *equilibrated*, `C = S A S` with S a diagonal of powers of two that brings the largest entry of every row near 1: masses or stiffnesses of
+//!    very different size then hide no small eigenvalues.
+//! 2. `C − τ` and `C + τ` are factored. The first counts the eigenvalues below τ, the second those below −τ; those between count as *zero*. Where the
+//!    first has no negative pivot A is positive definite, and the second is not needed.
+//! 3. E is measured: `‖E‖ ≤ 10 √(2/π) maxᵢ ‖E gᵢ‖` for r Gaussian vectors gᵢ, wrong with probability 10⁻ʳ (Halko, Martinsson and Tropp 2011, lemma
+//!    4.1); here r = 6. If the bound exceeds τ/2, the matrix is factored again with pivoting inside supernodes, then, if it is small, densely;
+//!    otherwise τ is widened to the measured error, and the count repeated.
 //!
-//! The result holds for every eigenvalue of C outside ±[`band`](Inertia::band). For a well-behaved matrix the band is
-//! `48 √n u‖C‖` with u = 2⁻⁵³: about 10⁻¹³ for a hundred degrees of freedom, 10⁻¹¹ for a hundred thousand.
+//! The result holds for every eigenvalue of C outside ±[`band`](Inertia::band): `48 √n u‖C‖`, u = 2⁻⁵³, for a well-behaved matrix.
 //!
-//! **Proof.** Without pivoting `‖E‖` has a rigorous bound too (`linear/certificate.rs`), which holds for every order of the sums. Where
-//! it is below τ, the count is a theorem about the stored matrix: at least as many eigenvalues as were counted are negative, and at
-//! least as many positive, so that all signs are known if none counts as zero. Where it is above, τ is widened once to prove the same
-//! count. Elsewhere the count holds with the probability above.
+//! **Proof.** Without pivoting `‖E‖` has a rigorous bound too (`linear/certificate.rs`). Where it is below τ, the count is a theorem about the stored
+//! matrix: at least as many eigenvalues as were counted are negative, and at least as many positive. Where it is above, τ is widened once to prove
+//! the same count.
 
 use crate::assembly::{BlockPattern, SymmetricMatrix};
 use crate::eigen::gaussian;
@@ -29,7 +26,6 @@ use crate::error::Result;
 use crate::linear::{FactorKind, Factorization, PivotSigns, PivotedLdlt, Pivoting, norm};
 use crate::operator::{LinearOperator, SystemOperator};
 use crate::spring::SpringBlock;
-use crate::system::System;
 use crate::work::Work;
 use faer::{Mat, Par, Side};
 use nalgebra::Matrix3;
@@ -70,8 +66,8 @@ pub struct Inertia {
     pub factorization_error: f64,
     /// The factorization in which it was counted.
     pub method: InertiaMethod,
-    /// True if a rigorous bound of rounding errors proves that at least `negative` eigenvalues of the stored matrix are negative and at
-    /// least `positive` are positive; otherwise the count is right with the probability of the measured error.
+    /// True if a rigorous bound of rounding errors proves that at least `negative` eigenvalues of the stored matrix are negative and at least
+    /// `positive` are positive; otherwise the count is right with the probability of the measured error.
     pub proven: bool,
 }
 
@@ -117,14 +113,12 @@ impl Inertia {
     }
 }
 
-/// The first half-width of the band, in units of `√n u‖C‖`: twice the measured error of factorizations that lose no digits, about 11
-/// units for matrices of 10³ to 10⁵ rows, and some more.
+/// The first half-width of the band, in units of `√n u‖C‖`: twice the measured error of factorizations that lose no digits, about 11 units for
+/// matrices of 10³ to 10⁵ rows, and some more.
 const FIRST_SHIFT: f64 = 32.0;
 
 /// The error below which pivoting does not improve a factorization, in the same units.
 const STABLE: f64 = 64.0;
-
-const LARGEST_DENSE_FACTOR: usize = 2000;
 
 /// Gaussian vectors that measure a factorization: its error is underestimated with probability 10⁻⁶.
 const PROBES: usize = 6;
@@ -149,7 +143,7 @@ impl InertiaCounter {
     /// # Errors
     /// When the factor does not fit 32-bit indices or the memory.
     pub fn new(pattern: &BlockPattern, par: Par) -> Result<Self> {
-        Ok(Self::on(PivotedLdlt::analyse(pattern, par)?))
+        Ok(Self { factorization: PivotedLdlt::analyse(pattern, par)?, method: InertiaMethod::Sparse })
     }
 
     /// As [`new`](Self::new), on a pattern that has been analysed.
@@ -157,11 +151,7 @@ impl InertiaCounter {
     /// # Errors
     /// When the factor does not fit the memory.
     pub fn sharing<K: FactorKind>(analysed: &Factorization<K>) -> Result<Self> {
-        Ok(Self::on(PivotedLdlt::sharing(analysed)?))
-    }
-
-    fn on(factorization: PivotedLdlt) -> Self {
-        Self { factorization, method: InertiaMethod::Sparse }
+        Ok(Self { factorization: PivotedLdlt::sharing(analysed)?, method: InertiaMethod::Sparse })
     }
 
     /// Counts the eigenvalues of a matrix on the analysed pattern.
@@ -224,19 +214,22 @@ impl InertiaCounter {
         shifted.shift(shift);
         let [error, bound] = [f64::INFINITY; 2];
         let mut count = Count { signs: PivotSigns::default(), error, bound, method: first };
-        for method in [InertiaMethod::Sparse, InertiaMethod::Pivoted, InertiaMethod::Dense] {
-            let affordable = method != InertiaMethod::Dense || c.order() <= LARGEST_DENSE_FACTOR;
+        let sparse = [(InertiaMethod::Sparse, Pivoting::None), (InertiaMethod::Pivoted, Pivoting::InSupernodes)];
+        let methods = sparse.map(|(method, pivoting)| (method, Some(pivoting)));
+        for (method, pivoting) in methods.into_iter().chain([(InertiaMethod::Dense, None)]) {
+            let affordable = pivoting.is_some() || c.order() <= 2000;
             let is_good = count.error <= f64::max(tolerance / 2.0, STABLE * unit(c.order()));
             if method < first || !affordable || is_good {
                 continue;
             }
             work.factorizations += 1;
-            let (signs, error) = match method {
-                InertiaMethod::Sparse => self.sparse_signs(&shifted, Pivoting::None),
-                InertiaMethod::Pivoted => self.sparse_signs(&shifted, Pivoting::InSupernodes),
-                InertiaMethod::Dense | InertiaMethod::Springs | InertiaMethod::None => dense_signs(&shifted),
+            let (signs, error) = match pivoting {
+                Some(pivoting) => {
+                    self.factorization.factor(&shifted, pivoting);
+                    (self.factorization.signs(), self.measured_error(&shifted))
+                }
+                None => dense_signs(&shifted),
             };
-            // With the rounding of the shift and of the scale.
             let bound = match method {
                 InertiaMethod::Sparse => self.factorization.rounding_bound(None) / scale + 4.0 * f64::EPSILON,
                 _ => f64::INFINITY,
@@ -247,11 +240,6 @@ impl InertiaCounter {
             }
         }
         count
-    }
-
-    fn sparse_signs(&mut self, a: &SymmetricMatrix, pivoting: Pivoting) -> (PivotSigns, f64) {
-        self.factorization.factor(a, pivoting);
-        (self.factorization.signs(), self.measured_error(a))
     }
 
     /// Bound on `‖A − L B Lᵀ‖₂` from products with Gaussian vectors.
@@ -282,13 +270,12 @@ fn unit(n: usize) -> f64 {
     (n as f64).sqrt() * f64::EPSILON / 2.0
 }
 
-/// If no spring's block has a negative eigenvalue, `λ_min(A) ≥ min mᵢ·mass` without any factorization, for A assembled from an
-/// operator with this coefficient of the masses. `None` where a block has one, or where that bound is below 10⁻⁹ ‖A‖, near the band
-/// of a count. That leaves room for the rounding of blocks and sums, some hundred units in the last place of ‖A‖ and one more for every
-/// spring at a particle, up to a million of them.
+/// If no spring's block has a negative eigenvalue, `λ_min(A) ≥ min mᵢ·mass` without any factorization, for A assembled from an operator with this
+/// coefficient of the masses. `None` where a block has one, or where that bound is below 10⁻⁹ ‖A‖, near the band of a count. That leaves room for the
+/// rounding of blocks and sums, some hundred units in the last place of ‖A‖ and one more for every spring at a particle, up to a million of them.
 pub(super) fn definite_by_blocks(operator: &SystemOperator<'_>, a: &SymmetricMatrix, mass: f64) -> Option<Inertia> {
     let (n, system) = (a.order(), operator.system());
-    let floor = mass * lightest(system);
+    let floor = mass * system.free_masses()[0];
     let is_visible = floor > 1e-9 * a.norm_inf(&mut vec![0.0; n]);
     let is_definite = n > 0 && is_visible && operator.has_no_negative_block();
     let mut springs = vec![0u32; system.particles()];
@@ -297,13 +284,8 @@ pub(super) fn definite_by_blocks(operator: &SystemOperator<'_>, a: &SymmetricMat
     is_definite.then(|| Inertia { proven: !is_hub, ..Inertia::definite(n) })
 }
 
-pub(super) fn lightest(system: &System) -> f64 {
-    let free = system.masses().iter().enumerate().filter(|(p, _)| !system.dofs().rows(*p).is_empty());
-    free.map(|(_, mass)| *mass).fold(f64::INFINITY, f64::min)
-}
-
-/// The largest over all free particles of a sum over the blocks at each: `start` of its mass, then the external block, then every
-/// spring's block (with `true` where both ends are free); `finish` takes the sum and the mass.
+/// The largest over all free particles of a sum over the blocks at each: `start` of its mass, then the external block, then every spring's block
+/// (with `true` where both ends are free); `finish` takes the sum and the mass.
 pub(super) fn largest_at_particle(
     a: &SystemOperator<'_>,
     start: impl Fn(f64) -> f64,
@@ -324,8 +306,8 @@ pub(super) fn largest_at_particle(
     free.map(|(_, (&sum, &mass))| finish(sum, mass)).fold(0.0, f64::max)
 }
 
-/// `C = S A S` with powers of two on the diagonal of S, three rounds of dividing rows and columns by the root of their
-/// largest entry (Ruiz 2001). An empty row stays.
+/// `C = S A S` with powers of two on the diagonal of S, three rounds of dividing rows and columns by the root of their largest entry (Ruiz 2001). An
+/// empty row stays.
 fn equilibrated(a: &SymmetricMatrix) -> SymmetricMatrix {
     let mut c = a.clone();
     let n = a.order();

@@ -168,9 +168,8 @@ fn what_the_masses_give_must_be_visible() {
     assert!(definite_by_blocks(&operator, &one, 5.1e-10).is_some());
 }
 
-/// The numbers of negative, zero and positive eigenvalues of an integer matrix, exactly: by Descartes' rule, which holds with equality for
-/// a characteristic polynomial that has real roots only. Its coefficients are those of Faddeev and LeVerrier, `M ← A M + c I`,
-/// `c = −tr(A M)/k`.
+/// The numbers of negative, zero and positive eigenvalues of an integer matrix, exactly: by Descartes' rule, which holds with equality for a
+/// characteristic polynomial that has real roots only. Its coefficients are those of Faddeev and LeVerrier, `M ← A M + c I`, `c = −tr(A M)/k`.
 fn exact(a: &[[i128; 6]; 6]) -> [usize; 3] {
     let times = |m: &[[i128; 6]; 6]| -> [[i128; 6]; 6] {
         std::array::from_fn(|i| std::array::from_fn(|j| (0..6).map(|k| a[i][k] * m[k][j]).sum()))
@@ -190,8 +189,8 @@ fn exact(a: &[[i128; 6]; 6]) -> [usize; 3] {
     [changes(true), zero, changes(false)]
 }
 
-/// Random integer matrices, a third of them singular and a third nearly: what is proven is so in exact arithmetic. Three of four regular ones
-/// are proven; the others need pivoting, for which there is no bound.
+/// Random integer matrices, a third of them singular and a third nearly: what is proven is so in exact arithmetic. Three of four regular ones are
+/// proven; the others need pivoting, for which there is no bound.
 #[test]
 fn proven_counts_are_those_of_exact_arithmetic() {
     let (mut regular, mut proven) = (0, 0);
@@ -237,8 +236,8 @@ fn definite_is_proven_from_some_roundings_on() {
     }
 }
 
-/// All pairs of 450 particles are joined: with a thousand terms in a sum, rounding may exceed the first band, and a second, wider one
-/// proves what lies far from both.
+/// All pairs of 450 particles are joined: with a thousand terms in a sum, rounding may exceed the first band, and a second, wider one proves what
+/// lies far from both.
 #[test]
 fn a_wider_band_proves_what_the_first_does_not() {
     let a = banded(450, 449, |row, column| noise(row, column) + if row == column { 3000.0 } else { 0.0 });

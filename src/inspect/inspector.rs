@@ -1,12 +1,11 @@
 //! The course of an inspection, and its budget.
 //!
-//! The parts come in the order of their importance. Before each its cost is estimated from the work of one factorization, one solve
-//! and one step of a search for eigenvalues; a part beyond the budget is skipped. These are counts, not times: on every machine the
-//! same parts are skipped.
+//! The parts come in the order of their importance. Before each its cost is estimated from the work of one factorization, one solve and one step of a
+//! search for eigenvalues; a part beyond the budget is skipped. These are counts, not times: on every machine the same parts are skipped.
 
-use super::critical::{CriticalSteps, Known as KnownOfLimit, Property};
-use super::inertia::{InertiaCounter, InertiaMethod, definite_by_blocks, lightest};
-use super::inspection::{DIRECTIONS, Inspection, Part, SkipReason, index_of, quick_check};
+use super::critical::{CriticalSteps, Facts, Property};
+use super::inertia::{InertiaCounter, InertiaMethod, definite_by_blocks};
+use super::inspection::{DIRECTIONS, Inspection, Part, SkipReason, examined_first, quick_check};
 use super::oracle::Oracle;
 use super::rotation_limit::RotationLimit;
 use super::smallest_set::{self, Trial};
@@ -26,15 +25,9 @@ use std::sync::Arc;
 /// Operations of an inspection by default: about a minute.
 pub const AFFORDABLE: f64 = 1e12;
 
-/// Rows from which nothing is factored by default: one factorization of a cloth of that size takes seconds, of a solid minutes, and
-/// the ordering before it as long.
+/// Rows from which nothing is factored by default: one factorization of a cloth of that size takes seconds, of a solid minutes, and the ordering
+/// before it as long.
 const LARGEST_FACTORED: usize = 500_000;
-
-/// Rows from which fewer eigenpairs are computed, less exactly.
-const LARGE: usize = 10_000;
-
-/// Operations of an estimate by products and multigrid, for each row.
-const ESTIMATE: f64 = 2e5;
 
 impl Inspection {
     /// Inspects A at a state for a step of length dt, in s, with the directions under an option; whole, whatever it costs.
@@ -45,9 +38,9 @@ impl Inspection {
         Self::within(system, state, dt, option, par, f64::INFINITY, &mut |_, _| ())
     }
 
-    /// As [`at`](Self::at), skipping parts beyond `most` operations. A matrix whose factor does not fit the memory, or costs more than
-    /// that, is inspected by products and multigrid: some figures then are estimates. After every part `observer` sees the share of the
-    /// work done, from 0 to 1, and the inspection so far.
+    /// As [`at`](Self::at), skipping parts beyond `most` operations. A matrix whose factor does not fit the memory, or costs more than that, is
+    /// inspected by products and multigrid: some figures then are estimates. After every part `observer` sees the share of the work done, from 0 to
+    /// 1, and the inspection so far.
     ///
     /// # Errors
     /// Coincident ends of a spring; a system too large for the memory.
@@ -70,8 +63,7 @@ impl Inspection {
             }
             Err(error) => return Err(error),
         };
-        let mut order = Stiffness::ALL;
-        order.sort_by_key(|&each| each != option);
+        let order = examined_first(option);
         let mut parts = vec![Part::FirstAnswer];
         parts.extend(order.map(Part::Signs));
         parts.extend([Part::GrowingModes, Part::Spectrum(option), Part::Definite(option), Part::Stable(option)]);
@@ -91,8 +83,8 @@ impl Inspection {
             if inspector.inspect(part)? {
                 observer(inspector.budget.share(), &inspector.found);
             }
-            // The quick check is made one way or another.
-            let is_cheap = ESTIMATE * system.dofs().len() as f64 <= most;
+            // The quick check is made one way or another: an estimate by products and multigrid takes so many operations a row.
+            let is_cheap = 2e5 * system.dofs().len() as f64 <= most;
             if part == Part::FirstAnswer && is_cheap && inspector.found.lacks(part) {
                 return Self::estimated(system, state, dt, option, SkipReason::TooMuchWork, observer);
             }
@@ -129,7 +121,7 @@ impl<'s> Inspector<'s> {
             critical: CriticalSteps::analysed(system, extensions.clone(), oracle()?)?,
             rotation: RotationLimit::analysed(system, state, extensions.clone(), oracle()?),
             counter: InertiaCounter::sharing(&factorization)?,
-            budget: Budget::new(Cost::of(&factorization.size(), system.dofs().len()), most),
+            budget: Budget::new(&factorization.size(), system.dofs().len(), most),
             factorization,
             factored: None,
             pattern,
@@ -142,18 +134,22 @@ impl<'s> Inspector<'s> {
     /// A of the step under an option, by products and by entries.
     fn matrix_of_step(&mut self, option: Stiffness) -> (SystemOperator<'s>, SymmetricMatrix) {
         let operator = SystemOperator::new(self.system, &self.extensions, option, Combination::step(self.found.dt));
-        self.work.assemblies += 1;
-        let a = SystemMatrix::assemble(self.pattern.clone(), &operator).into_matrix();
+        let a = self.assembled(&operator);
         (operator, a)
     }
 
-    fn known(&self) -> KnownOfLimit {
+    fn assembled(&mut self, operator: &SystemOperator<'_>) -> SymmetricMatrix {
+        self.work.assemblies += 1;
+        SystemMatrix::assemble(self.pattern.clone(), operator).into_matrix()
+    }
+
+    fn facts(&self) -> Facts {
         let is_counted = !self.found.lacks(Part::GrowingModes);
         let lowest = self.found.spectrum.lowest.first().filter(|_| self.found.option == Stiffness::Full);
         let direction = lowest.map(|pair| pair.vector.clone());
-        let is_definite = self.found.options[index_of(Stiffness::Full)].inertia.is_definite();
+        let is_definite = self.found.options[Stiffness::Full as usize].inertia.is_definite();
         let definite_from = is_definite.then_some(self.found.dt.recip());
-        KnownOfLimit { curves_downwards: is_counted.then_some(self.found.growing_modes > 0), direction, definite_from }
+        Facts { curves_downwards: is_counted.then_some(self.found.growing_modes > 0), direction, definite_from }
     }
 
     /// Inspects a part; returns `false` where it costs too much.
@@ -181,7 +177,7 @@ impl<'s> Inspector<'s> {
                 let (operator, a) = self.matrix_of_step(option);
                 let inertia = definite_by_blocks(&operator, &a, operator.mass_factor());
                 let inertia = inertia.unwrap_or_else(|| self.counter.count(&a, &mut self.work));
-                self.found.options[index_of(option)].inertia = inertia;
+                self.found.options[option as usize].inertia = inertia;
             }
             Part::GrowingModes => {
                 let minus_k = Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 };
@@ -189,24 +185,21 @@ impl<'s> Inspector<'s> {
                 self.found.growing_modes = if operator.has_no_negative_block() {
                     0
                 } else {
-                    let minus_k = SystemMatrix::assemble(self.pattern.clone(), &operator).into_matrix();
-                    self.work.assemblies += 1;
+                    let minus_k = self.assembled(&operator);
                     self.counter.count(&minus_k, &mut self.work).negative
                 };
             }
             Part::Spectrum(option) => self.spectrum(option),
             Part::Definite(option) => {
-                let limit = match option {
-                    Stiffness::Full => self.critical.definite_knowing(self.known()),
-                    _ => self.critical.largest_step(Property::Definite, option),
-                };
-                self.found.options[index_of(option)].critical = limit;
+                let facts = if option == Stiffness::Full { self.facts() } else { Facts::default() };
+                let limit = self.critical.search(Property::Definite, option, facts);
+                self.found.options[option as usize].critical = limit;
                 if option == Stiffness::Full {
-                    self.found.options[index_of(option)].stable = limit;
+                    self.found.options[option as usize].stable = limit;
                 }
             }
             Part::Stable(option) => {
-                self.found.options[index_of(option)].stable = self.critical.largest_step(Property::Stable, option);
+                self.found.options[option as usize].stable = self.critical.largest_step(Property::Stable, option);
             }
             Part::Turning(option) => self.turning(option),
             Part::SmallestSet => {
@@ -234,12 +227,9 @@ impl<'s> Inspector<'s> {
             self.factored = None;
         }
         let (limit, worst) = self.rotation.limit_and_worst(option, self.found.dt);
-        for each in &mut self.found.options {
-            if (each.option == Stiffness::Axial) == (option == Stiffness::Axial) {
-                each.turning = limit;
-            }
-        }
-        if (self.found.option == Stiffness::Axial) == (option == Stiffness::Axial) {
+        let is_alike = |other: Stiffness| (other == Stiffness::Axial) == (option == Stiffness::Axial);
+        self.found.options.iter_mut().filter(|each| is_alike(each.option)).for_each(|each| each.turning = limit);
+        if is_alike(self.found.option) {
             self.found.turn = worst;
         }
     }
@@ -248,61 +238,70 @@ impl<'s> Inspector<'s> {
         // Without compressed springs both options coincide.
         let is_full = option == Stiffness::Tension && self.found.option == Stiffness::Full;
         if is_full && self.found.compressed_springs == 0 && !self.found.lacks(Part::Spectrum(Stiffness::Full)) {
-            let full = self.found.options[index_of(Stiffness::Full)].clone();
-            let tension = &mut self.found.options[index_of(option)];
+            let [full, tension, ..] = &mut self.found.options;
             (tension.smallest, tension.largest, tension.condition) = (full.smallest, full.largest, full.condition);
             tension.within = full.within;
             return;
         }
         let (operator, a) = self.matrix_of_step(option);
-        let inertia = self.found.options[index_of(option)].inertia;
+        let inertia = self.found.options[option as usize].inertia;
         let is_examined = option == self.found.option;
-        let accuracy = if is_examined && a.dofs().len() < LARGE { Accuracy::FULL } else { Accuracy::CERTIFIED };
-        let rows = a.dofs().len();
         // A large matrix that is definite has no directions to examine: λ_min alone.
-        let examined = match rows >= LARGE {
-            true => inertia.negative.clamp(1, 6),
-            false => inertia.negative.clamp(12, DIRECTIONS),
+        let (wanted, accuracy) = match a.dofs().len() >= 10_000 {
+            _ if !is_examined => (1, Accuracy::CERTIFIED),
+            true => (inertia.negative.clamp(1, 6), Accuracy::CERTIFIED),
+            false => (inertia.negative.clamp(12, DIRECTIONS), Accuracy::FULL),
         };
-        let wanted = if is_examined { examined } else { 1 };
         // See `definite_by_blocks`.
         let floor = match inertia.method {
-            InertiaMethod::Springs => operator.mass_factor() * lightest(self.system),
+            InertiaMethod::Springs => operator.mass_factor() * self.system.free_masses()[0],
             _ => f64::NEG_INFINITY,
         };
         let is_factored = self.factored == Some(option);
         let mut known = Known { products: &operator, is_factored, floor, accuracy };
         let spectrum = spectrum_with(&mut self.factorization, &a, &inertia, wanted, &mut known, &mut self.work);
         self.factored = known.is_factored.then_some(option);
-        self.found.options[index_of(option)].set_spectrum(&spectrum);
+        self.found.options[option as usize].set_spectrum(&spectrum);
         if is_examined {
             self.found.examine(self.system, &self.extensions, spectrum);
         }
     }
 }
 
-/// The cost of the parts in operations.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Cost {
-    factorization: f64,
-    /// A search for eigenvalues besides its factorizations.
-    search: f64,
-    rows: f64,
+/// Under `Full` the limits of definiteness and stability are the same.
+fn is_covered(part: Part, by: Part) -> bool {
+    part == by || [part, by] == [Part::Stable(Stiffness::Full), Part::Definite(Stiffness::Full)]
 }
 
-impl Cost {
-    fn of(size: &FactorSize, rows: usize) -> Self {
+/// Operations of a factorization and of a search for eigenvalues besides its factorizations; those that are left and spent, and those of everything
+/// within the budget.
+#[derive(Debug, Clone, PartialEq)]
+struct Budget {
+    factorization: f64,
+    search: f64,
+    rows: f64,
+    left: f64,
+    spent: f64,
+    whole: f64,
+}
+
+impl Budget {
+    /// `most` operations to spend on matrices of so many rows, with factors of a size.
+    fn new(size: &FactorSize, rows: usize, most: f64) -> Self {
         // An operation that waits for the memory counts four times.
         const SLOW: f64 = 4.0;
         let (entries, rows) = (size.entries as f64, rows as f64);
         // A step of a search solves for eight columns, and makes each orthogonal to some fifty vectors, twice; there are 25 steps.
         let step = SLOW * (4.0 * 8.0 * entries + 6000.0 * rows);
-        Self { factorization: size.flops + SLOW * entries, search: 25.0 * step, rows }
+        let (factorization, search) = (size.flops + SLOW * entries, 25.0 * step);
+        let mut budget = Self { factorization, search, rows, left: most, spent: 0.0, whole: 0.0 };
+        budget.whole = Part::all().map(|part| budget.cost(part)).sum::<f64>().min(most);
+        budget
     }
 
     /// By the numbers of factorizations and searches that the parts have taken at most.
-    fn part(&self, part: Part) -> f64 {
-        let Self { factorization, search, rows } = *self;
+    fn cost(&self, part: Part) -> f64 {
+        let Self { factorization, search, rows, .. } = *self;
         let eigenvalues = |searches: f64| match rows <= LARGEST_DENSE as f64 {
             true => 10.0 * rows.powi(3),
             false => 5.0 * factorization + searches * search,
@@ -318,32 +317,10 @@ impl Cost {
             Part::Curve => 51.0 * eigenvalues(1.0),
         }
     }
-}
-
-/// Under `Full` the limits of definiteness and stability are the same.
-fn is_covered(part: Part, by: Part) -> bool {
-    part == by || [part, by] == [Part::Stable(Stiffness::Full), Part::Definite(Stiffness::Full)]
-}
-
-/// Operations that are left and spent, and the cost of everything within the budget.
-#[derive(Debug, Clone, PartialEq)]
-struct Budget {
-    cost: Cost,
-    left: f64,
-    spent: f64,
-    whole: f64,
-}
-
-impl Budget {
-    /// `most` operations to spend.
-    fn new(cost: Cost, most: f64) -> Self {
-        let whole = Part::all().map(|part| cost.part(part)).sum::<f64>().min(most);
-        Self { cost, left: most, spent: 0.0, whole }
-    }
 
     /// Spends the cost of a part and returns `true`, unless less is left.
     fn affords(&mut self, part: Part) -> bool {
-        let cost = self.cost.part(part);
+        let cost = self.cost(part);
         let is_affordable = cost <= self.left;
         if is_affordable {
             self.left -= cost;
@@ -365,11 +342,10 @@ mod tests {
     #[test]
     fn parts_are_skipped_when_they_cost_more_than_is_left() {
         let size = FactorSize { entries: 0, flops: 1.0, ordering: OrderingMethod::Natural };
-        let cost = Cost::of(&size, 0);
-        let mut budget = Budget::new(cost, 11.0);
+        let mut budget = Budget::new(&size, 0, 11.0);
         let [first, second] = [Part::SmallestSet, Part::Definite(Stiffness::Full)];
         assert!(budget.affords(first) && !budget.affords(second) && budget.affords(Part::GrowingModes));
-        assert!(Budget::new(cost, f64::INFINITY).affords(Part::Curve));
+        assert!(Budget::new(&size, 0, f64::INFINITY).affords(Part::Curve));
         assert!(
             is_covered(Part::Stable(Stiffness::Full), second) && !is_covered(second, Part::Stable(Stiffness::Full))
         );

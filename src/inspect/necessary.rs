@@ -1,8 +1,8 @@
 //! Springs whose transverse terms every sufficient set must hold, and a lower bound for the size of such a set.
 //!
-//! Let `A_T` be A without the transverse term of any compressed spring, and `N_s` the columns of spring s, see `smallest_set`. Dropping
-//! more never makes A less definite, so a set without s is sufficient only if `A_T − N_s N_sᵀ` is positive definite, which is
-//! `N_sᵀ A_T⁻¹ N_s < 1` by Schur's complement. For the rows P of the particles around s
+//! Let `A_T` be A without the transverse term of any compressed spring, and `N_s` the columns of spring s, see `smallest_set`. Dropping more never
+//! makes A less definite, so a set without s is sufficient only if `A_T − N_s N_sᵀ` is positive definite, which is `N_sᵀ A_T⁻¹ N_s < 1` by Schur's
+//! complement. For the rows P of the particles around s
 //!
 //! ```text
 //! (A_T⁻¹)_PP ≥ (A_T,PP)⁻¹,        so   N_sᵀ (A_T,PP)⁻¹ N_s ≥ 1   ⇒   s is in every sufficient set:
@@ -10,8 +10,8 @@
 //!
 //! holding the particles outside P only makes A stiffer. A few dozen rows tell, without a factorization of A.
 //!
-//! Dropping a term of rank r, at most 2 in space and 1 in the plane, makes no more than r negative eigenvalues positive (Weyl). So
-//! lifting N of them takes as many terms as it needs for their ranks to add up to N.
+//! Dropping a term of rank r, at most 2 in space and 1 in the plane, makes no more than r negative eigenvalues positive (Weyl). So lifting N of them
+//! takes as many terms as it needs for their ranks to add up to N.
 
 use crate::assembly::SpringPattern;
 use crate::operator::SystemOperator;
@@ -27,16 +27,12 @@ pub(super) const NECESSARY: f64 = 1.000000001;
 /// The criterion of necessary springs.
 pub(super) struct Necessity<'a, 's> {
     /// `A_T`.
-    operator: &'a SystemOperator<'s>,
-    pattern: &'a SpringPattern,
+    pub operator: &'a SystemOperator<'s>,
+    /// Of every active spring.
+    pub pattern: &'a SpringPattern,
 }
 
 impl<'a, 's> Necessity<'a, 's> {
-    /// With A without the transverse terms of compressed springs, on a pattern of every active spring.
-    pub fn new(operator: &'a SystemOperator<'s>, pattern: &'a SpringPattern) -> Self {
-        Self { operator, pattern }
-    }
-
     /// The largest eigenvalue of `N_sᵀ (A_T,PP)⁻¹ N_s` for the spring between these particles, with these columns, in 36 rows at most: from
     /// [`NECESSARY`] on it is in every sufficient set.
     pub fn need(&self, [i, j]: [usize; 2], columns: &[Column]) -> f64 {
@@ -126,8 +122,8 @@ mod tests {
     use crate::system::SystemBuilder;
     use nalgebra::{DMatrix, DVector};
 
-    /// A particle in the middle of fourteen, with springs to all, which have one to a wall each: twelve particles have 36 rows, so those
-    /// that are looked at are the two ends of a spring and ten others.
+    /// A particle in the middle of fourteen, with springs to all, which have one to a wall each: twelve particles have 36 rows, so those that are
+    /// looked at are the two ends of a spring and ten others.
     #[test]
     fn as_many_neighbours_are_looked_at_as_there_are_rows_for() {
         let at = |k: usize, radius: f64| {
@@ -152,7 +148,7 @@ mod tests {
         let operator = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(1.0));
         let pattern = SpringPattern::of_stiffness(&system).unwrap();
         let column = vec![(0, 0.3), (1, -0.2), (2, 0.1), (3, -0.3), (4, 0.2), (5, -0.1)];
-        let found = Necessity::new(&operator, &pattern).need([0, 1], std::slice::from_ref(&column));
+        let found = Necessity { operator: &operator, pattern: &pattern }.need([0, 1], std::slice::from_ref(&column));
         // Entries of A by the blocks of its springs, of the middle and eleven others.
         let mut a = DMatrix::zeros(36, 36);
         for (p, mass) in system.masses().iter().enumerate().take(12) {

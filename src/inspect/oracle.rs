@@ -9,7 +9,6 @@ use crate::work::Work;
 use faer::Par;
 use std::sync::Arc;
 
-/// A matrix and its factorization.
 pub(super) struct Oracle {
     pub pattern: Arc<SpringPattern>,
     pub matrix: SystemMatrix,
@@ -17,12 +16,10 @@ pub(super) struct Oracle {
 }
 
 impl Oracle {
-    /// On a pattern that has been analysed.
     pub fn new(pattern: Arc<SpringPattern>, factorization: Ldlt) -> Self {
         Self { matrix: SystemMatrix::zeros(pattern.clone()), pattern, factorization }
     }
 
-    /// Analyses the pattern of a system's matrices.
     pub fn analyse(system: &System, par: Par, work: &mut Work) -> Result<Self> {
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let factorization = Ldlt::analyse(pattern.pattern(), par)?;
@@ -30,7 +27,6 @@ impl Oracle {
         Ok(Self::new(pattern, factorization))
     }
 
-    /// Factors the matrix of an operator.
     pub fn factor(&mut self, operator: &SystemOperator, work: &mut Work) -> Result<(), NonPositivePivot> {
         self.matrix.refill(operator);
         work.assemblies += 1;

@@ -1,9 +1,9 @@
 //! The pictures of an inspection.
 
-use super::inertia::{Inertia, lightest};
+use super::inertia::Inertia;
 use super::inspection::{Inspection, Part, SkipReason};
 use super::spectrum::{LARGEST_DENSE, smallest_eigenvalue};
-use crate::assembly::{SpringPattern, SystemMatrix};
+use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::eigen::Accuracy;
 use crate::error::Result;
 use crate::figure::{Axis, Drawing, Guide, Look, Plot, Series, Spy};
@@ -13,7 +13,6 @@ use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use crate::work::Work;
-use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// The pictures of an inspection.
@@ -25,8 +24,8 @@ pub struct Pictures {
     pub curve: Option<Plot>,
     /// The low end of the spectrum.
     pub spectrum: Plot,
-    /// The sparsity patterns of A and of its factor L, this one in the order of elimination; `None` where the inspection was
-    /// interrupted or nothing was factored.
+    /// The sparsity patterns of A and of its factor L, this one in the order of elimination; `None` where the inspection was interrupted or nothing
+    /// was factored.
     pub patterns: Option<[Spy; 2]>,
 }
 
@@ -44,8 +43,12 @@ impl Pictures {
         if is_drawn || is_whole {
             let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
             let mut factorization = Ldlt::analyse(pattern.pattern(), inspection.par)?;
-            patterns = is_whole.then(|| patterns_of(system, &extensions, &pattern, inspection, &factorization));
-            curve = is_drawn.then(|| curve_of(system, &extensions, &pattern, inspection, &mut factorization));
+            let matrix = |option, dt| {
+                let operator = SystemOperator::new(system, &extensions, option, Combination::step(dt));
+                SystemMatrix::assemble(pattern.clone(), &operator).into_matrix()
+            };
+            patterns = is_whole.then(|| patterns_of(&matrix(inspection.option, inspection.dt), &factorization));
+            curve = is_drawn.then(|| curve_of(system, inspection, &matrix, &mut factorization));
         }
         Ok(Self { scene: scene(system, state, inspection), curve, spectrum: low_end(inspection), patterns })
     }
@@ -61,16 +64,8 @@ impl Pictures {
     }
 }
 
-fn patterns_of(
-    system: &System,
-    extensions: &SpringGeometry,
-    pattern: &Arc<SpringPattern>,
-    inspection: &Inspection,
-    factorization: &Ldlt,
-) -> [Spy; 2] {
-    let operator = SystemOperator::new(system, extensions, inspection.option, Combination::step(inspection.dt));
-    let a = SystemMatrix::assemble(pattern.clone(), &operator).into_matrix();
-    let n = system.dofs().len();
+fn patterns_of(a: &SymmetricMatrix, factorization: &Ldlt) -> [Spy; 2] {
+    let n = a.dofs().len();
     let entries = a.iter().filter(|&(_, _, value)| value != 0.0);
     let mut matrix = Spy::lower("Pattern of A, rows by particle", n, entries.map(|(row, column, _)| (row, column)));
     let diagonal = (0..n).map(|k| (k, k));
@@ -84,11 +79,10 @@ fn patterns_of(
 }
 
 fn scene(system: &System, state: &State, inspection: &Inspection) -> Drawing {
-    let title = match (inspection.directions.first(), inspection.fold()) {
-        (Some(lowest), Some(fold)) => {
-            format!("Strain, and one eigenvector of λₘᵢₙ = {} N/m, {fold}", short(lowest.eigenvalue))
-        }
-        (Some(lowest), None) => format!("Strain, and the eigenvector of λₘᵢₙ = {} N/m", short(lowest.eigenvalue)),
+    let value = inspection.directions.first().map(|lowest| short(lowest.eigenvalue));
+    let title = match (value, inspection.fold()) {
+        (Some(value), Some(fold)) => format!("Strain, and one eigenvector of λₘᵢₙ = {value} N/m, {fold}"),
+        (Some(value), None) => format!("Strain, and the eigenvector of λₘᵢₙ = {value} N/m"),
         (None, _) => "Strain".into(),
     };
     let mut drawing = Drawing::strains(title, system, state).concluding(blame(inspection));
@@ -101,11 +95,7 @@ fn scene(system: &System, state: &State, inspection: &Inspection) -> Drawing {
         }
     }
     match inspection.spectrum.lowest.first() {
-        Some(pair) => {
-            let mut arrows = vec![Vector3::zeros(); system.particles()];
-            system.dofs().scatter(&pair.vector, &mut arrows);
-            drawing.with_arrows(&arrows)
-        }
+        Some(pair) => drawing.with_arrows(&system.dofs().full(&pair.vector)),
         None => drawing,
     }
 }
@@ -129,26 +119,20 @@ fn blame(inspection: &Inspection) -> String {
     format!("Spring {spring} ({i}–{j}) {does} most, with {share:.0} % of the negative curvature; {others}.")
 }
 
-/// The number of steps at which λ_min of a matrix of so many rows is computed.
-fn points_of_curve(rows: usize) -> usize {
-    if rows > LARGEST_DENSE { 17 } else { 49 }
-}
-
 /// λ_min over dt, scaled so that it begins at 1 for small steps: `A dt² → M`.
 fn curve_of(
     system: &System,
-    extensions: &SpringGeometry,
-    pattern: &Arc<SpringPattern>,
     inspection: &Inspection,
+    matrix: &dyn Fn(Stiffness, f64) -> SymmetricMatrix,
     factorization: &mut Ldlt,
 ) -> Plot {
     let limits = || inspection.options.iter().flat_map(|o| [o.critical.dt(), o.stable.dt()]).flatten();
     let middle = inspection.options[0].critical.dt().unwrap_or(inspection.dt);
     let low = limits().fold(middle, f64::min).min(inspection.dt) / 30.0;
     let high = limits().fold(middle, f64::max).max(inspection.dt) * 3.0;
-    let points = points_of_curve(system.dofs().len());
+    let points = if system.dofs().len() > LARGEST_DENSE { 17 } else { 49 };
     let steps = (0..points).map(|k| low * (high / low).powf(k as f64 / (points - 1) as f64));
-    let lightest = lightest(system);
+    let [lightest, _] = system.free_masses();
     let mut work = Work::default();
     let mut plot = Plot::new(
         "Lowest eigenvalue of A over the time step",
@@ -158,8 +142,7 @@ fn curve_of(
     for (number, option) in Stiffness::ALL.into_iter().enumerate() {
         let mut values = Vec::with_capacity(points);
         for dt in steps.clone() {
-            let operator = SystemOperator::new(system, extensions, option, Combination::step(dt));
-            let a = SystemMatrix::assemble(pattern.clone(), &operator).into_matrix();
+            let a = matrix(option, dt);
             let scaled = smallest_eigenvalue(factorization, &a, Accuracy::CERTIFIED, &mut work) * dt * dt / lightest;
             // The curve begins at 1; what matters lies between that and zero.
             if scaled > 3.0 {
@@ -175,11 +158,12 @@ fn curve_of(
     }
     for option in &inspection.options {
         let name = option.option.name();
-        if let Some(dt) = option.critical.dt() {
-            plot = plot.with_guide(Guide::Vertical { x: dt, label: format!("{name} definite up to {} s", short(dt)) });
-        }
-        if let Some(dt) = option.stable.dt().filter(|&dt| option.critical.dt() != Some(dt)) {
-            plot = plot.with_guide(Guide::Vertical { x: dt, label: format!("{name} stable up to {} s", short(dt)) });
+        let [definite, stable] = [option.critical, option.stable].map(|limit| limit.dt());
+        for (what, limit) in [("definite", definite), ("stable", stable.filter(|_| stable != definite))] {
+            if let Some(dt) = limit {
+                let label = format!("{name} {what} up to {} s", short(dt));
+                plot = plot.with_guide(Guide::Vertical { x: dt, label });
+            }
         }
     }
     let definite = inspection.options.iter().map(|option| match option.critical.dt() {
@@ -197,9 +181,8 @@ fn low_end(inspection: &Inspection) -> Plot {
     let title = format!("Lowest eigenvalues of A ({})", inspection.option.name());
     let (negative, positive): (Vec<_>, Vec<_>) = points.into_iter().partition(|&(_, value)| value < 0.0);
     let mut plot = Plot::new(title, Axis::linear("number, from 0"), Axis::linear("λ, N/m"));
-    let examined = inspection.options.iter().find(|option| option.option == inspection.option);
-    if let Some((lowest, examined)) = inspection.spectrum.lowest.first().zip(examined) {
-        let Inertia { negative, zero, positive, .. } = examined.inertia;
+    if let Some(lowest) = inspection.spectrum.lowest.first() {
+        let Inertia { negative, zero, positive, .. } = inspection.examined().inertia;
         let below = match negative {
             0 => "None is negative".to_owned(),
             _ => format!("{negative} of {} are negative", negative + zero + positive),
@@ -230,7 +213,6 @@ mod tests {
     use super::*;
     use crate::inspect::fixtures::{pin, pinned};
     use crate::inspect::tests::chain;
-    use crate::inspect::{Eigenpair, Spectrum};
     use faer::Par;
 
     fn inspected((system, state): &(System, State), dt: f64) -> Inspection {
@@ -265,14 +247,5 @@ mod tests {
         assert!((begin - 1.0).abs() < 0.01 && end == -1.0 && (same - 1.0).abs() < 0.01, "{begin} {end} {same}");
         let interrupted = whole.without_curve();
         assert!(pictures(&interrupted).patterns.is_none() && pictures(&interrupted).curve.is_none());
-    }
-
-    #[test]
-    fn the_low_end_is_no_longer_than_forty() {
-        let mut found = inspected(&chain(1, 1.25), 0.1);
-        let pair = |value| Eigenpair { value, vector: Vec::new(), residual: 0.0 };
-        found.spectrum = Spectrum { lowest: (0..50).map(|k| pair(f64::from(k) - 3.0)).collect(), ..found.spectrum };
-        let points: Vec<usize> = low_end(&found).series.iter().map(|series| series.points.len()).collect();
-        assert_eq!(points, [37, 3]);
     }
 }

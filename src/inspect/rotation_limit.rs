@@ -1,39 +1,34 @@
 //! The rotation of springs in a step, and its effect: the limit that no linearisation at one state sees.
 //!
-//! A linearised step moves the ends of a spring along straight lines, by `δ = δx_i − δx_j = δ∥ n + δ⊥`, with `n` the direction at
-//! its start. It rotates the spring by `θ ≈ ‖δ⊥‖/l`, which is `dt ‖v⊥‖/l` in free flight, and counts its new length as `l + δ∥`. The
-//! true length is larger by
+//! A linearised step moves the ends of a spring along straight lines, by `δ = δx_i − δx_j = δ∥ n + δ⊥`, with `n` the direction at its start. It
+//! rotates the spring by `θ ≈ ‖δ⊥‖/l`, which is `dt ‖v⊥‖/l` in free flight, and counts its new length as `l + δ∥`. The true length is larger by
 //!
 //! ```text
 //! e = √((l + δ∥)² + ‖δ⊥‖²) − |l + δ∥| ≈ ½ θ² l.
 //! ```
 //!
-//! At the next step the spring is taut, and resists all motion across it with the transverse coefficient `k (1/l0 − 1/l)`, because
-//! the linearisation takes the new direction as fixed. The part of it that e has brought, `c = k (1/(l' − e) − 1/l')`, *brakes*: a
-//! mass μ that would go on by δ⊥ does so by `δ⊥/(1 + ρ)` only, `ρ = c dt²/μ`. With the frequency `ω = √(k/(l0 μ))` along the spring
-//! and `z = ω dt` that is
+//! At the next step the spring is taut, and resists all motion across it with the transverse coefficient `k (1/l0 − 1/l)`, because the linearisation
+//! takes the new direction as fixed. The part of it that e has brought, `c = k (1/(l' − e) − 1/l')`, *brakes*: a mass μ that would go on by δ⊥ does
+//! so by `δ⊥/(1 + ρ)` only, `ρ = c dt²/μ`. With the frequency `ω = √(k/(l0 μ))` along the spring and `z = ω dt` that is
 //!
 //! ```text
 //! ρ ≈ ½ (z θ)²  for a spring that was at rest length.
 //! ```
 //!
-//! A rotation by one radian takes 1/θ steps, in which the spring loses the part `1 − (1 + ρ)^(−1/θ) ≈ ½ z² θ` of its rotation. A may
-//! be positive definite and stable for every step: the braked motion is smooth, plausible and wrong. `Axial` leaves the term out and
-//! is not braked, but stretches its springs too. A method that linearises at a prediction of the step's end, or solves the nonlinear
-//! equations, is not concerned.
+//! A rotation by one radian takes 1/θ steps, in which the spring loses the part `1 − (1 + ρ)^(−1/θ) ≈ ½ z² θ` of its rotation. A may be positive
+//! definite and stable for every step: the braked motion is smooth, plausible and wrong. `Axial` leaves the term out and is not braked, but stretches
+//! its springs too. A method that linearises at a prediction of the step's end, or solves the nonlinear equations, is not concerned.
 //!
-//! **Neighbours.** Where the step deforms the springs around, their elasticity decides about the motion and not the inertia of the
-//! ends. With `E = ½ Σ (k/l0) (n·δ)²` over the other springs at both ends, μ in ρ is `μ + dt² E/‖δ⊥‖²`. So ρ is an estimate, exact
-//! for a spring by itself.
+//! **Neighbours** that the step deforms decide with their elasticity: with `E = ½ Σ (k/l0) (n·δ)²` over the other springs at both ends, μ in ρ is
+//! `μ + dt² E/‖δ⊥‖²`. So ρ is an estimate, exact for a spring by itself.
 //!
-//! **The search** brackets the limit by trials. The excess is nearly a power of dt, so its logarithm is nearly a line over that of
-//! dt: leaps go a little beyond the zero of the line through the last two trials, until the sign changes; the Illinois method (Dowell
-//! and Jarratt 1971) then narrows the bracket.
+//! **The search** brackets the limit by trials. The logarithm of the excess is nearly a line over that of dt: leaps go a little beyond the zero of
+//! the line through the last two trials, until the sign changes; the Illinois method (Dowell and Jarratt 1971) then narrows the bracket.
 //!
-//! **Steps of other lengths** are solved with one factor. With `s = 1/dt` the matrix of a step is `P(s) = s² M + s C + K`, here with C
-//! and K positive semidefinite. Once `P(s₀)` is factored, the eigenvalues of `P(s₀)⁻¹P(s)` lie between 1 and `(s/s₀)²`, so that
-//! conjugate gradients preconditioned with the factor take some twenty solves for a step four times as long or short (Hestenes and
-//! Stiefel 1952). The error e has `eᵀP(s)e = rᵀP(s)⁻¹r ≤ rᵀM⁻¹r/s²`, which is compared with `xᵀP(s)x = xᵀb`.
+//! **Steps of other lengths** are solved with one factor. With `s = 1/dt` the matrix of a step is `P(s) = s² M + s C + K`, here with C and K positive
+//! semidefinite. The eigenvalues of `P(s₀)⁻¹P(s)` lie between 1 and `(s/s₀)²`, so that conjugate gradients preconditioned with the factor of `P(s₀)`
+//! take some twenty solves for a step four times as long or short (Hestenes and Stiefel 1952). The error e has `eᵀP(s)e = rᵀP(s)⁻¹r ≤ rᵀM⁻¹r/s²`,
+//! which is compared with `xᵀP(s)x = xᵀb`.
 
 use super::critical::LargestStep;
 use super::oracle::Oracle;
@@ -41,6 +36,7 @@ use crate::error::Result;
 use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
 use crate::linear::{Ldlt, dot};
 use crate::operator::{Combination, LinearOperator, SystemOperator};
+use crate::rigid::sums_at_ends;
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use crate::work::Work;
@@ -62,29 +58,32 @@ pub struct Turn {
     pub brake: f64,
 }
 
-/// The largest part of its rotation that a spring may lose in one radian. Springs that swing rotate by about that, so their motion
-/// is then wrong by about a tenth; the loss grows with the cube of the step.
+/// The largest part of its rotation that a spring may lose in one radian. Springs that swing rotate by about that, so their motion is then wrong by
+/// about a tenth; the loss grows with the cube of the step.
 pub const MOST_BRAKED: f64 = 0.1;
 
-/// The largest stretch of a spring by its rotation in a step, relative to its length: by 8°. Cloth and rubber strain by more, but
-/// this strain comes from nowhere, at every step anew.
+/// The largest stretch of a spring by its rotation in a step, relative to its length: by 8°. Cloth and rubber strain by more, but this strain comes
+/// from nowhere, at every step anew.
 pub const MOST_STRETCHED: f64 = 0.01;
 
 impl Turn {
     /// The part of its rotation that the spring loses in one radian.
     pub fn braked(&self) -> f64 {
-        if self.brake == 0.0 { 0.0 } else { -(-self.brake.ln_1p() / self.angle).exp_m1() }
+        -(-self.decay()).exp_m1()
+    }
+
+    /// The logarithm by which the rotation decays in one radian.
+    fn decay(&self) -> f64 {
+        if self.brake == 0.0 { 0.0 } else { self.brake.ln_1p() / self.angle }
     }
 
     /// The excess over the limits: above 1 the step is too long for this spring.
     pub fn excess(&self) -> f64 {
         // Not the loss itself, which saturates far beyond the limit.
-        let braked = if self.brake == 0.0 { 0.0 } else { self.brake.ln_1p() / self.angle };
-        (braked / -(-MOST_BRAKED).ln_1p()).max(self.stretch / MOST_STRETCHED)
+        (self.decay() / -(-MOST_BRAKED).ln_1p()).max(self.stretch / MOST_STRETCHED)
     }
 
-    /// The spring with the largest [excess](Self::excess) in a step of length dt by these displacements, in m; `None` where none
-    /// rotates.
+    /// The spring with the largest [excess](Self::excess) in a step of length dt by these displacements, in m; `None` where none rotates.
     pub fn worst(
         system: &System,
         extensions: &SpringGeometry,
@@ -93,23 +92,22 @@ impl Turn {
         option: Stiffness,
     ) -> Option<Self> {
         let moved = |p: usize| displacement.get(p).copied().unwrap_or_else(Vector3::zeros);
-        let active = || extensions.springs(system);
         // (k/l0) (n·δ)² of every spring, summed at its ends.
         let axial = |[i, j]: [usize; 2], n: &Vector3<f64>, per_length: f64| {
             let along = n.dot(&(moved(i) - moved(j)));
             per_length * along * along
         };
-        let mut around = vec![0.0; system.particles()];
-        for ((_, pair, spring), at) in active() {
+        let axials = extensions.springs(system).map(|((_, pair, spring), at)| {
             let energy = axial(pair, &at.direction, spring.axial_stiffness());
-            pair.into_iter().for_each(|p| around[p] += energy);
-        }
+            (pair, energy)
+        });
+        let around = sums_at_ends(system, axials);
         let inverse_mass = |p: usize| match system.dofs().rows(p).is_empty() {
             true => 0.0,
             false => 1.0 / system.masses()[p],
         };
         let mut worst: Option<Self> = None;
-        for ((number, particles, spring), at) in active() {
+        for ((number, particles, spring), at) in extensions.springs(system) {
             let [i, j] = particles;
             let shift = moved(i) - moved(j);
             let along = at.direction.dot(&shift);
@@ -149,27 +147,6 @@ impl Turn {
 }
 
 /// Finds the longest step from one state by the rotation of its springs.
-///
-/// # Examples
-/// ```
-/// use faer::Par;
-/// use sprung::Stiffness;
-/// use sprung::inspect::RotationLimit;
-/// # use nalgebra::Vector3;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// # builder.velocities[1] = Vector3::new(0.0, 1.0, 0.0);
-/// let (system, state) = builder.build()?;
-/// // A particle that goes round at 1 m/s, 1 m from its centre: a step of 0.5 s rotates its spring far.
-/// let worst = RotationLimit::new(&system, &state, Par::Seq)?.worst(Stiffness::Axial, 0.5);
-/// assert!(worst.is_some());
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub struct RotationLimit<'s> {
     system: &'s System,
     state: &'s State,
@@ -224,8 +201,8 @@ impl<'s> RotationLimit<'s> {
 
     /// The spring that a step of length dt, in s, rotates worst; `None` where it rotates none or cannot be computed.
     ///
-    /// The step is that of linearised backward Euler, under `Tension` for `Full` too, as that matrix is positive definite, and for
-    /// `Absolute`, which differs for compressed springs alone: those that a turn does not stretch.
+    /// The step is that of linearised backward Euler, under `Tension` for `Full` too, as that matrix is positive definite, and for `Absolute`, which
+    /// differs for compressed springs alone: those that a turn does not stretch.
     pub fn worst(&mut self, option: Stiffness, dt: f64) -> Option<Turn> {
         let solved = if option == Stiffness::Axial { Stiffness::Axial } else { Stiffness::Tension };
         self.operator.update(&self.extensions, solved, Combination::step(dt));
@@ -280,19 +257,18 @@ impl<'s> RotationLimit<'s> {
         self.factored = Some((option, dt));
     }
 
-    /// The longest step, in s, that rotates no spring too far, searched up and down from dt. [`Every`](LargestStep::Every) where even
-    /// one of `4¹² dt` does not.
+    /// The longest step, in s, that rotates no spring too far, searched up and down from dt. [`Every`](LargestStep::Every) where even one of `4¹² dt`
+    /// does not.
     pub fn largest_step(&mut self, option: Stiffness, dt: f64) -> LargestStep {
         self.limit_and_worst(option, dt).0
     }
 
     /// The longest step, and the spring that dt itself rotates worst.
     pub(super) fn limit_and_worst(&mut self, option: Stiffness, dt: f64) -> (LargestStep, Option<Turn>) {
+        let excess = |worst: Option<Turn>| worst.map_or(f64::NEG_INFINITY, |turn| turn.excess().ln());
         let worst = self.worst(option, dt);
-        let first = Trial { at: 0.0, excess: worst.map_or(f64::NEG_INFINITY, |turn| turn.excess().ln()) };
-        let limit =
-            search(first, |at| self.worst(option, dt * at.exp()).map_or(f64::NEG_INFINITY, |turn| turn.excess().ln()));
-        let limit = match limit {
+        let first = Trial { at: 0.0, excess: excess(worst) };
+        let limit = match search(first, |at| excess(self.worst(option, dt * at.exp()))) {
             None if first.excess > 0.0 => LargestStep::UpTo { dt: 0.0, refused: dt },
             None => LargestStep::Every,
             Some([low, high]) => LargestStep::UpTo { dt: dt * low.exp(), refused: dt * high.exp() },
@@ -307,7 +283,6 @@ const LEAP: f64 = 4.0;
 /// The relative width of the bracket: an estimate needs two digits.
 const WIDTH: f64 = 0.01;
 
-/// A step that was tried.
 #[derive(Debug, Clone, Copy)]
 struct Trial {
     /// The logarithm of its length over that of the first trial.
@@ -337,8 +312,8 @@ fn search(first: Trial, mut excess: impl FnMut(f64) -> f64) -> Option<[f64; 2]> 
     None
 }
 
-/// Narrows a bracket to [`WIDTH`] by the Illinois method: an end that stays is given half of its excess. Trials keep half of the width
-/// away from the ends, and after a dozen they are bisections.
+/// Narrows a bracket to [`WIDTH`] by the Illinois method: an end that stays is given half of its excess. Trials keep half of the width away from the
+/// ends, and after a dozen they are bisections.
 fn narrowed(mut low: Trial, mut high: Trial, mut excess: impl FnMut(f64) -> f64) -> [f64; 2] {
     let width = WIDTH.ln_1p();
     let (mut trials, mut was_high) = (0, None);
@@ -361,8 +336,8 @@ fn narrowed(mut low: Trial, mut high: Trial, mut excess: impl FnMut(f64) -> f64)
     [low.at, high.at]
 }
 
-/// Solves `P(s) x = b`, b in the place of x, to an error of 10⁻⁵ in the norm of P(s), in forty iterations at most; returns `false` where
-/// that fails. `masses` is the diagonal of M.
+/// Solves `P(s) x = b`, b in the place of x, to an error of 10⁻⁵ in the norm of P(s), in forty iterations at most; returns `false` where that fails.
+/// `masses` is the diagonal of M.
 fn conjugate_gradients(
     p: &dyn LinearOperator,
     s: f64,

@@ -1,8 +1,8 @@
 //! A smallest set of springs whose transverse terms must be dropped to make A positive definite.
 //!
-//! Let F be a *sufficient* set: without the transverse terms of its springs, A_F is positive definite. Putting back the terms of
-//! some springs s of F subtracts `N_s N_sᵀ`, N_s having a column `√c (t at i, −t at j)` for each direction t across the spring, with
-//! `c = k(1/l − 1/l0)`. By Schur's complement
+//! Let F be a *sufficient* set: without the transverse terms of its springs, A_F is positive definite. Putting back the terms of some springs s of F
+//! subtracts `N_s N_sᵀ`, N_s having a column `√c (t at i, −t at j)` for each direction t across the spring, with `c = k(1/l − 1/l0)`. By Schur's
+//! complement
 //!
 //! ```text
 //! A_F − Σ N_s N_sᵀ  is positive definite   ⇔   I − Nᵀ A_F⁻¹ N  is,
@@ -10,16 +10,15 @@
 //!
 //! a small dense matrix: one sparse factorization and a solve a column, and every question about subsets of F is cheap.
 //!
-//! **From below.** Some springs are in every sufficient set, and N negative eigenvalues take N/2 terms or more, see `necessary`. Where
-//! the necessary springs are sufficient, by one factorization, they are the smallest set.
+//! **From below.** Where the springs that every sufficient set must hold (`necessary`) are sufficient, by one factorization, they are the smallest
+//! set.
 //!
-//! **From above.** A sufficient set comes from the local condition of [`Regularization`]. Where it is too large, it is narrowed to
-//! the necessary springs and those nearest to it, by three halvings with a factorization each.
+//! **From above.** A sufficient set comes from the local condition of [`Regularization`]; where it is too large, three halvings narrow it.
 //!
-//! **The search** in that small matrix is greedy. All terms are put back; while the rest is not positive definite, the one with the
-//! largest part in the worst eigenvector of `H = Nᵀ A_F⁻¹ N` is dropped; in the end each dropped one is put back if that does no
-//! harm, the last one first. The other way round, all are dropped and put back one by one, the weakest first. The smaller of both
-//! sets is *irredundant*: none of its springs can be spared. It need not be of least size, which is as hard to find as a set cover.
+//! **The search** in that small matrix is greedy. All terms are put back; while the rest is not positive definite, the one with the largest part in
+//! the worst eigenvector of `H = Nᵀ A_F⁻¹ N` is dropped; in the end each dropped one is put back if that does no harm, the last one first. The other
+//! way round, all are dropped and put back one by one, the weakest first. The smaller of both sets is *irredundant*: none of its springs can be
+//! spared. It need not be of least size, which is as hard to find as a set cover.
 
 use super::inertia::InertiaCounter;
 use super::necessary::{Column, NECESSARY, Necessity, fewest};
@@ -77,11 +76,9 @@ pub fn smallest_set(
 /// As [`smallest_set`]; A may be known to have negative eigenvalues.
 pub(super) fn search(mut trial: Trial<'_>, negative: usize, counter: &mut InertiaCounter, work: &mut Work) -> DropSet {
     let (system, extensions) = (trial.system, trial.extensions);
-    let compressed = extensions.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at));
-    let tension = compressed.count();
-    let set = |springs: &[usize], minimality, at_least| {
-        let springs = springs.iter().filter_map(|&p| system.active_springs().get(p)).map(|&s| s as usize).collect();
-        DropSet { springs, minimality, at_least, tension }
+    let set = |positions: &[usize], minimality, at_least| {
+        let springs = positions.iter().map(|&p| system.active_springs()[p] as usize).collect();
+        DropSet { springs, minimality, at_least, tension: extensions.compressed(system) }
     };
     if negative == 0 && trial.is_definite(&[], work) {
         return set(&[], Minimality::Irredundant, 0);
@@ -99,7 +96,7 @@ pub(super) fn search(mut trial: Trial<'_>, negative: usize, counter: &mut Inerti
         at_least = at_least.max(necessary.len() + fewest(left, others));
     }
     let Some(enough) = trial.enough(&necessary, &terms, work) else {
-        let all: Vec<usize> = (0..extensions.as_slice().len()).filter(|&p| trial.taken(p) > 0.0).collect();
+        let all: Vec<usize> = (0..trial.taken.len()).filter(|&p| trial.taken[p] > 0.0).collect();
         return set(&all, Minimality::Enough, at_least);
     };
     if !is_affordable(enough.len(), trial.oracle.factorization.size().entries) {
@@ -113,17 +110,14 @@ pub(super) fn search(mut trial: Trial<'_>, negative: usize, counter: &mut Inerti
     }
 }
 
-/// A search among so many springs is affordable, with a factor of so many entries: always for a few, and never where the
-/// dense matrix is too large.
+/// A search among so many springs is affordable, with a factor of so many entries: always for a few, and never where the dense matrix is too large.
 fn is_affordable(springs: usize, entries: usize) -> bool {
     springs <= ((MOST_MULTIPLICATIONS / (4.0 * entries as f64)) as usize).clamp(32, 500)
 }
 
-/// The transverse term of a spring.
 #[derive(Debug, Clone, Copy)]
 struct Term {
     rank: usize,
-    /// See [`Necessity::need`].
     need: f64,
 }
 
@@ -147,21 +141,12 @@ impl<'s> Trial<'s> {
         let options = vec![Stiffness::Full; extensions.as_slice().len()];
         let block = |spring: &Spring, at| spring.stiffness_block(at, Stiffness::Full);
         let taken = extensions.springs(system).map(|((_, _, spring), at)| (-block(spring, at).transverse).max(0.0));
-        let taken = taken.collect();
-        Self { system, extensions, combination, operator, oracle, options, taken }
-    }
-
-    fn taken(&self, position: usize) -> f64 {
-        self.taken.get(position).copied().unwrap_or(0.0)
+        Self { system, extensions, combination, operator, oracle, options, taken: taken.collect() }
     }
 
     fn is_definite(&mut self, dropped: &[usize], work: &mut Work) -> bool {
         self.options.fill(Stiffness::Full);
-        for &position in dropped {
-            if let Some(option) = self.options.get_mut(position) {
-                *option = Stiffness::Tension;
-            }
-        }
+        dropped.iter().for_each(|&position| self.options[position] = Stiffness::Tension);
         let options = &self.options;
         self.operator.update_each(self.extensions, self.combination, |position| options[position]);
         self.oracle.is_definite(&self.operator, work)
@@ -169,8 +154,8 @@ impl<'s> Trial<'s> {
 
     fn terms(&mut self) -> Vec<Term> {
         self.operator.update(self.extensions, Stiffness::Tension, self.combination);
-        let necessity = Necessity::new(&self.operator, &self.oracle.pattern);
-        let term = |(position, &spring): (usize, &u32)| match self.taken(position) > 0.0 {
+        let necessity = Necessity { operator: &self.operator, pattern: &self.oracle.pattern };
+        let term = |(position, &spring): (usize, &u32)| match self.taken[position] > 0.0 {
             false => Term { rank: 0, need: 0.0 },
             true => {
                 let (columns, _) = self.columns(&[position]);
@@ -193,23 +178,17 @@ impl<'s> Trial<'s> {
         // The wider the choice, the smaller the set.
         if local.len() > 128 {
             let (mut refused, mut accepted) = (necessary.len(), local.len());
-            let mut is_factored = false;
             for _ in 0..3 {
                 if accepted - refused <= 1 + accepted / 16 {
                     break;
                 }
                 let middle = refused.midpoint(accepted);
-                is_factored = self.is_definite(&local[..middle], work);
-                if is_factored {
-                    accepted = middle;
-                } else {
-                    refused = middle;
+                match self.is_definite(&local[..middle], work) {
+                    true => accepted = middle,
+                    false => refused = middle,
                 }
             }
             local.truncate(accepted);
-            if is_factored {
-                return Some(local);
-            }
         }
         self.is_definite(&local, work).then_some(local)
     }
@@ -235,7 +214,7 @@ impl<'s> Trial<'s> {
             }
         }
         let (order, minimality) = choose(&h, &owners, enough.len(), MOST_MULTIPLICATIONS);
-        (order.into_iter().filter_map(|k| enough.get(k).copied()).collect(), minimality)
+        (order.into_iter().map(|k| enough[k]).collect(), minimality)
     }
 
     /// The columns of N for the given springs, as (row, value), and the index of the spring that each belongs to.
@@ -243,15 +222,11 @@ impl<'s> Trial<'s> {
         let dofs = self.system.dofs();
         let (mut columns, mut owners) = (Vec::new(), Vec::new());
         for (owner, &position) in springs.iter().enumerate() {
-            let (Some(&spring), Some(at)) =
-                (self.system.active_springs().get(position), self.extensions.as_slice().get(position))
-            else {
-                continue;
-            };
-            let root = self.taken(position).sqrt();
-            for t in across(&at.direction) {
+            let ends = self.system.pair(self.system.active_springs()[position] as usize);
+            let root = self.taken[position].sqrt();
+            for t in across(&self.extensions.as_slice()[position].direction) {
                 let mut column = Vec::new();
-                for (particle, sign) in self.system.pair(spring as usize).into_iter().zip([root, -root]) {
+                for (particle, sign) in ends.into_iter().zip([root, -root]) {
                     let free = dofs.free_axes(particle).iter();
                     column.extend(dofs.rows(particle).zip(free).map(|(row, axis)| (row, sign * t[axis])));
                 }
@@ -274,8 +249,8 @@ pub enum Minimality {
     Enough,
 }
 
-/// The owners to drop so that `I − H`, restricted to the columns of the others, is positive definite, in the order in which they were
-/// found. Where that would take more than `most` multiplications the search ends early, and in the end all are dropped.
+/// The owners to drop so that `I − H`, restricted to the columns of the others, is positive definite, in the order in which they were found. Where
+/// that would take more than `most` multiplications the search ends early, and in the end all are dropped.
 fn choose(h: &DMatrix<f64>, owners: &[usize], count: usize, most: f64) -> (Vec<usize>, Minimality) {
     let columns = |dropped: &[bool]| -> Vec<usize> { (0..owners.len()).filter(|&c| !dropped[owners[c]]).collect() };
     let restricted = |kept: &[usize]| {
@@ -320,7 +295,6 @@ fn choose(h: &DMatrix<f64>, owners: &[usize], count: usize, most: f64) -> (Vec<u
             None => return (order, Minimality::Enough),
         }
     }
-    // The other way round.
     let strength = |k: usize| {
         let own = owners.iter().enumerate().filter(|(_, owner)| **owner == k);
         own.map(|(column, _)| h[(column, column)]).fold(0.0, f64::max)
@@ -414,8 +388,8 @@ mod tests {
         assert_eq!((most.springs.len(), most.at_least, work), (130, 130, [1, 4, 6, 130]));
     }
 
-    /// Particles on pressed springs that run askew, with masses below the rounding of the springs: without all that they take across A is singular
-    /// as far as can be told, so that nothing is known but that all have to go; one that is stretched takes nothing.
+    /// Particles on pressed springs that run askew, with masses below the rounding of the springs: without all that they take across A is singular as
+    /// far as can be told, so that nothing is known but that all have to go; one that is stretched takes nothing.
     #[test]
     fn where_rounding_hides_what_is_enough_all_are_named() {
         let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };

@@ -1,7 +1,7 @@
 //! A straight chain between two walls, of which everything is known in closed form.
 //!
-//! With N free particles of mass m and springs of stiffness k, rest length l0 and length l, −K has along the chain the eigenvalues
-//! `(k/l0) μⱼ` and across it `k (1/l0 − 1/l) μⱼ`, with `μⱼ = 4 sin²(jπ/(2(N + 1)))`, j = 1 … N; A has `m/dt²` more.
+//! With N free particles of mass m and springs of stiffness k, rest length l0 and length l, −K has along the chain the eigenvalues `(k/l0) μⱼ` and
+//! across it `k (1/l0 − 1/l) μⱼ`, with `μⱼ = 4 sin²(jπ/(2(N + 1)))`, j = 1 … N; A has `m/dt²` more.
 
 use super::{Inertia, InertiaMethod, Inspection, LargestStep, Part, SkipReason, spectrum};
 use crate::integrate::StepMatrices;
@@ -52,8 +52,8 @@ pub(super) fn step_for(inertia: f64) -> f64 {
     (MASS / inertia).sqrt()
 }
 
-/// Small ones are diagonalised, large ones searched: pressed to four fifths of their length, and stretched to twice it. With 30 N/m the
-/// second pivot of the pressed chain vanishes across it, and no eigenvalue does.
+/// Small ones are diagonalised, large ones searched: pressed to four fifths of their length, and stretched to twice it. With 30 N/m the second pivot
+/// of the pressed chain vanishes across it, and no eigenvalue does.
 #[test]
 fn spectra_are_those_of_the_closed_form() {
     for (free, rest_length, inertia) in
@@ -160,7 +160,8 @@ fn inspections_say_what_is_known() {
     assert!(safe.first.as_ref().is_none_or(|first| first.definite));
 }
 
-/// Figures of a matrix that is not factored, against its eigenvalues: proofs hold, estimates are near. A pressed chain is indefinite for a long step, definite for a short one, and then only as far as is seen; a stretched one is definite.
+/// Figures of a matrix that is not factored, against its eigenvalues: proofs hold, estimates are near. A pressed chain is indefinite for a long step,
+/// definite for a short one, and then only as far as is seen; a stretched one is definite.
 #[test]
 fn estimates_are_near_and_proofs_hold() {
     for (rest_length, inertia, definite, is_proven) in

@@ -7,8 +7,8 @@
 //! σ_r ≥ √(τ − ε − δ),      δ = γ_{m+20} ‖|Bᵀ||B|‖₂,      ‖|Bᵀ||B|‖₂ ≤ ‖B‖₁ ‖B‖_∞ ≤ m 2√3,
 //! ```
 //!
-//! m the most springs at a particle: entries of A are sums of at most m products, and a component of a unit vector takes at most seven
-//! roundings from the positions (Higham 2002, 3.1 and 3.5).
+//! m the most springs at a particle: entries of A are sums of at most m products, and a component of a unit vector takes at most seven roundings from
+//! the positions (Higham 2002, 3.1 and 3.5).
 //!
 //! **From above.** On the span of d − r motions V (Courant and Fischer)
 //!
@@ -16,9 +16,9 @@
 //! σ_{r+1} ≤ ‖B V‖_F / σ_min(V),      σ_min(V)² ≥ 1 − ‖VᵀV − I‖_∞,
 //! ```
 //!
-//! or by a second count, where V is not known. No computation with rounded numbers proves that a singular value is zero. What a body has in
-//! springs, or in coordinates beside its rigid motions where nothing holds it, bounds its rank exactly: a rank proven from below that
-//! reaches this bound is exact, and the other singular values are zero.
+//! or by a second count, where V is not known. No computation with rounded numbers proves that a singular value is zero. What a body has in springs,
+//! or in coordinates beside its rigid motions where nothing holds it, bounds its rank exactly: a rank proven from below that reaches this bound is
+//! exact, and the other singular values are zero.
 
 use super::Directions;
 use crate::assembly::{BlockPattern, SymmetricMatrix};
@@ -127,15 +127,13 @@ pub(super) fn largest_rank(system: &System, state: &State) -> usize {
         }
     }
     let coordinates = |body: &Body| body.particles.iter().map(|&p| system.dofs().rows(p).len()).sum::<usize>();
-    let most = bodies
-        .iter()
-        .zip(springs)
-        .map(|(body, springs)| springs.min(coordinates(body) - rigid_motions_at_least(system, state, body)));
-    most.sum()
+    let most =
+        |(body, springs): (&Body, usize)| springs.min(coordinates(body) - rigid_motions_at_least(system, state, body));
+    bodies.iter().zip(springs).map(most).sum()
 }
 
-/// Rigid motions that a body surely has: none where anything is held, else the dimension of the motions of its points, by a cross product
-/// that is not rounding.
+/// Rigid motions that a body surely has: none where anything is held, else the dimension of the motions of its points, by a cross product that is not
+/// rounding.
 fn rigid_motions_at_least(system: &System, state: &State, body: &Body) -> usize {
     let dimension = system.dimension();
     let is_free = |&p: &usize| system.dofs().rows(p).len() == dimension;
@@ -143,12 +141,8 @@ fn rigid_motions_at_least(system: &System, state: &State, body: &Body) -> usize 
         return 0;
     }
     let arms = || body.particles.iter().map(|&p| state.positions[p] - state.positions[body.particles[0]]);
-    let longest = arms().fold(
-        Vector3::zeros(),
-        |longest: Vector3<f64>, arm| {
-            if arm.norm() > longest.norm() { arm } else { longest }
-        },
-    );
+    let longer = |longest: Vector3<f64>, arm: Vector3<f64>| if arm.norm() > longest.norm() { arm } else { longest };
+    let longest = arms().fold(Vector3::zeros(), longer);
     let is_across = |arm: Vector3<f64>| arm.cross(&longest).norm() > 1e-14 * arm.norm() * longest.norm();
     match dimension {
         3 if arms().any(is_across) => 6,

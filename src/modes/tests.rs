@@ -10,6 +10,20 @@ fn spring(stiffness: f64, rest_length: f64) -> Spring {
     Spring { stiffness, rest_length, damping: 0.0 }
 }
 
+/// A straight row of particles of one mass between held ends.
+fn row(places: impl IntoIterator<Item = f64>, mass: f64, spring: Spring) -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    for x in places {
+        builder.particle([x, 0.0, 0.0], mass);
+    }
+    let last = builder.positions.len() - 1;
+    for p in 0..last {
+        builder.spring(p, p + 1, spring);
+    }
+    builder.hold(0).hold(last);
+    builder.build().unwrap()
+}
+
 fn values(found: &Modes) -> Vec<f64> {
     found.modes.iter().map(|mode| mode.eigenvalue).collect()
 }
@@ -34,56 +48,23 @@ fn dense(system: &System, state: &State) -> Vec<f64> {
     values
 }
 
-/// An equilateral triangle at rest, in the plane: ω² = 3κ/2m twice, 3κ/m once, and three rigid motions.
-#[test]
-fn a_triangle_has_a_double_mode() {
-    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
-    for x in [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.75f64.sqrt(), 0.0]] {
-        builder.particle(x, 2.0);
-    }
-    for [i, j] in [[0, 1], [1, 2], [2, 0]] {
-        builder.spring(i, j, spring(4.0, 1.0));
-    }
-    let (system, state) = builder.build().unwrap();
-    for count in 1..=3 {
-        let found = modes(&system, &state, count).unwrap();
-        assert_close(&values(&found), &[3.0, 3.0, 6.0][..count]);
-        assert_eq!((found.zero_modes.len(), found.rigid_motions, found.complete), (3, 3, true));
-    }
-}
-
-/// A particle on a taut string swings alike along two axes. One of the two modes lies at the edge of what is counted, and its interval reaches
-/// down to there: below it is no eigenvalue.
+/// A particle on a taut string swings alike along two axes. One of the two modes lies at the edge of what is counted, and its interval reaches down
+/// to there: below it is no eigenvalue.
 #[test]
 fn half_of_a_double_mode_is_known_to_the_edge_of_the_count() {
-    let mut builder = SystemBuilder::new();
-    for x in [0.0, 1.0, 2.0] {
-        builder.particle([x, 0.0, 0.0], 1.0);
-    }
-    builder.spring(0, 1, spring(10.0, 0.9));
-    builder.spring(1, 2, spring(10.0, 0.9));
-    builder.hold(0).hold(2);
-    let (system, state) = builder.build().unwrap();
+    let (system, state) = row([0.0, 1.0, 2.0], 1.0, spring(10.0, 0.9));
     let found = modes(&system, &state, 1).unwrap();
     // 2 T/(m l) with T = 10 · 0.1/0.9.
     assert_close(&values(&found), &[20.0 / 9.0]);
     assert!(found.proven && found.modes[0].error_bound >= found.modes[0].eigenvalue - found.counted_below, "{found:?}");
 }
 
-/// A taut chain of N masses between two walls, held to its line: `ω_k = 2 √(κ/m) sin(kπ / 2(N+1))`. Along it with κ = k/l0, across with the tension over
-/// the length.
+/// A taut chain of N masses between two walls, held to its line: `ω_k = 2 √(κ/m) sin(kπ / 2(N+1))`. Along it with κ = k/l0, across with the tension
+/// over the length.
 #[test]
 fn a_taut_chain_has_the_modes_of_the_textbook() {
     let count = 30;
-    let mut builder = SystemBuilder::new();
-    for p in 0..count + 2 {
-        builder.particle([1.5 * p as f64, 0.0, 0.0], 0.5);
-    }
-    for p in 0..=count {
-        builder.spring(p, p + 1, spring(20.0, 1.0));
-    }
-    builder.hold(0).hold(count + 1);
-    let (system, state) = builder.build().unwrap();
+    let (system, state) = row((0..count + 2).map(|p| 1.5 * p as f64), 0.5, spring(20.0, 1.0));
     let (along, across) = (20.0, 20.0 * (1.5 - 1.0) / 1.5);
     let omega = |kappa: f64, k: usize| 4.0 * kappa / 0.5 * (k as f64 * PI / (2.0 * (count + 1) as f64)).sin().powi(2);
     let mut expected: Vec<f64> =
@@ -177,14 +158,7 @@ fn damping_response_and_effective_mass_of_one_mass() {
 /// Pressed together a chain buckles: the mode is a growth, and the state, which a load balances not, is said to be out of balance.
 #[test]
 fn growth_and_imbalance_are_told() {
-    let mut builder = SystemBuilder::new();
-    for x in [0.0, 0.8, 1.6] {
-        builder.particle([x, 0.0, 0.0], 1.0);
-    }
-    builder.spring(0, 1, spring(10.0, 1.0));
-    builder.spring(1, 2, spring(10.0, 1.0));
-    builder.hold(0).hold(2);
-    let (system, state) = builder.build().unwrap();
+    let (system, state) = row([0.0, 0.8, 1.6], 1.0, spring(10.0, 1.0));
     let found = modes(&system, &state, 2).unwrap();
     // 2 T/l across, with T = −2 and l = 0.8.
     assert_close(&values(&found), &[-5.0, -5.0]);
@@ -196,8 +170,8 @@ fn growth_and_imbalance_are_told() {
     assert!(modes(&loaded, &state, 0).is_err());
 }
 
-/// A pressed chain, of which all bends grow, beside a bent double pendulum of bars at rest, which turns about its hook and in its joint: there are two zero
-/// modes, however many modes are asked for.
+/// A pressed chain, of which all bends grow, beside a bent double pendulum of bars at rest, which turns about its hook and in its joint: there are
+/// two zero modes, however many modes are asked for.
 #[test]
 fn zero_modes_above_growing_modes_are_counted() {
     let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
@@ -268,8 +242,8 @@ fn modes_without_a_factorization_are_the_same() {
     }
 }
 
-/// Far from the origin, coordinates are rounded so coarsely that springs at rest are strained by 1e-13: the motions of a chain that bends freely are zero
-/// modes there as well, whatever the masses.
+/// Far from the origin, coordinates are rounded so coarsely that springs at rest are strained by 1e-13: the motions of a chain that bends freely are
+/// zero modes there as well, whatever the masses.
 #[test]
 fn zero_modes_far_from_the_origin_are_zero_modes() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(3_2026);

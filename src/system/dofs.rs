@@ -231,6 +231,18 @@ impl DofMap {
             }
         }
     }
+
+    /// The free coordinates of a full-length vector.
+    pub(crate) fn reduced(&self, full: &[Vector3<f64>]) -> Vec<f64> {
+        let mut reduced = vec![0.0; self.len()];
+        self.gather(full, &mut reduced);
+        reduced
+    }
+
+    /// A full-length vector from a reduced one, with zeros on the axes that are not free.
+    pub(crate) fn full(&self, reduced: &[f64]) -> Vec<Vector3<f64>> {
+        (0..self.particles()).map(|particle| self.get(reduced, particle)).collect()
+    }
 }
 
 #[cfg(test)]

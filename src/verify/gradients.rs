@@ -25,6 +25,7 @@ use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
 use crate::gradient::{Cotangent, DifferentiableRun, Parameters, Point, of_free};
 use crate::integrate::Method;
+use crate::interrupt::Interrupt;
 use crate::system::{Axes, Loads, State, System};
 use nalgebra::Vector3;
 use num_dual::{Dual64, DualNum};
@@ -65,7 +66,7 @@ impl<'c> Subject<'c> {
         let TestCase { system, state, .. } = case;
         let dt = case.dt.min(case.resolving_step());
         let time = LENGTH * dt;
-        let run = DifferentiableRun::with_checkpoints(system, state, method, dt, time, ROOM)?;
+        let run = DifferentiableRun::interruptible(system, state, method, [dt, time], Some(ROOM), Interrupt::NEVER)?;
         let vectors = |seed| random_vectors(system, seed);
         // A velocity counts by the way that it goes in the run.
         let cotangent = |step: usize| Cotangent {
@@ -121,7 +122,14 @@ impl<'c> Subject<'c> {
         let forces = change.loads.iter().map(|load| load * h).collect();
         let system = system.with_loads(Loads { forces, ..Loads::default() })?;
         let time = LENGTH * self.dt;
-        let moved = DifferentiableRun::with_checkpoints(&system, &state, self.method, self.dt, time, ROOM)?;
+        let moved = DifferentiableRun::interruptible(
+            &system,
+            &state,
+            self.method,
+            [self.dt, time],
+            Some(ROOM),
+            Interrupt::NEVER,
+        )?;
         let states: Vec<[&State; 2]> = moved.states().zip(run.states()).map(|(moved, state)| [moved, state]).collect();
         let rise = |cotangent: &Cotangent| {
             let Some([moved, state]) = states.get(cotangent.step) else { return f64::NAN };
