@@ -1,29 +1,25 @@
 //! Runs by configuration, and which of them advice can rest on: those from which on everything finer is better.
 //!
-//! A run of long steps may end near the right place by chance, and the run of steps half as long, to which one turns when in
-//! doubt, may explode. So a run counts only as part of its configuration's *tail*: the runs from the shortest steps up, as long as
-//! every one succeeded and erred more than all that are shorter. Errors near that of the reference say nothing about each
-//! other: below a *floor* they need not fall. A tail of one run above the floor is none, as nothing confirms it.
+//! A run of long steps may end near the right place by chance. So a run counts only as part of its configuration's *tail*: the runs from the shortest
+//! steps up, as long as every one succeeded and erred more than all that are shorter. Below a *floor*, the error of the reference, they need not
+//! fall. A tail of one run above the floor is none, as nothing confirms it.
 
 use super::reference::ABOVE_THE_FLOOR;
 use super::{Run, WorkPrecision};
 use crate::accuracy::extent;
 
 /// Runs of one configuration from long steps to short ones.
-#[derive(Debug, Clone)]
-pub struct Curve<'a> {
+#[derive(Clone)]
+pub(super) struct Curve<'a> {
     /// The method's name, `w2, adaptive` where steps are.
     pub method: String,
-    /// The stiffness policy's name.
     pub stiffness: &'static str,
-    /// The linear solver.
     pub solver: &'static str,
-    /// The runs.
     pub runs: Vec<&'a Run>,
 }
 
 /// The sweep's runs by configuration, in the sweep's order.
-pub fn curves(runs: &[Run]) -> Vec<Curve<'_>> {
+pub(super) fn curves(runs: &[Run]) -> Vec<Curve<'_>> {
     let mut curves: Vec<Curve<'_>> = Vec::new();
     for run in runs {
         let method = run.variant();
@@ -37,7 +33,7 @@ pub fn curves(runs: &[Run]) -> Vec<Curve<'_>> {
 }
 
 /// The tail of a curve, from short steps to long ones; empty where it has none.
-pub fn tail<'a>(curve: &Curve<'a>, floor: f64) -> Vec<&'a Run> {
+pub(super) fn tail<'a>(curve: &Curve<'a>, floor: f64) -> Vec<&'a Run> {
     let mut runs = curve.runs.clone();
     // Shorter steps, or smaller tolerances, first.
     runs.sort_by(|a, b| a.rtol.unwrap_or(a.dt).total_cmp(&b.rtol.unwrap_or(b.dt)));
@@ -55,7 +51,7 @@ pub fn tail<'a>(curve: &Curve<'a>, floor: f64) -> Vec<&'a Run> {
 }
 
 /// The configuration of each method that costs least, judged by its tail; errors below `floor` are not told apart.
-pub fn best_of_each(runs: &[Run], floor: f64) -> Vec<Curve<'_>> {
+pub(super) fn best_of_each(runs: &[Run], floor: f64) -> Vec<Curve<'_>> {
     let mut best: Vec<Curve<'_>> = Vec::new();
     for curve in curves(runs) {
         match best.iter_mut().find(|other| other.method == curve.method) {
@@ -68,7 +64,7 @@ pub fn best_of_each(runs: &[Run], floor: f64) -> Vec<Curve<'_>> {
 }
 
 /// Curves by cost, the cheapest first and those without a tail last.
-pub fn cheapest_first(mut curves: Vec<Curve<'_>>, floor: f64) -> Vec<Curve<'_>> {
+pub(super) fn cheapest_first(mut curves: Vec<Curve<'_>>, floor: f64) -> Vec<Curve<'_>> {
     curves.sort_by(|a, b| a.coefficient(floor).total_cmp(&b.coefficient(floor)));
     curves
 }
@@ -87,8 +83,9 @@ impl WorkPrecision {
         let positions = &self.reference.state.positions;
         let size = positions.iter().map(|x| x.norm_squared()).sum::<f64>().sqrt() / extent(positions, positions);
         let steps = self.runs.iter().map(|run| self.duration / run.dt).fold(0.0, f64::max);
-        let rounding = Some(f64::EPSILON * steps * size).filter(|rounding| rounding.is_finite());
-        (ABOVE_THE_FLOOR * self.reference.error_estimate).max(rounding.unwrap_or(0.0))
+        let rounding = f64::EPSILON * steps * size;
+        let of_reference = ABOVE_THE_FLOOR * self.reference.error_estimate;
+        if rounding.is_finite() { of_reference.max(rounding) } else { of_reference }
     }
 
     /// The runs of all tails, without the excluded ones.

@@ -1,8 +1,6 @@
-//! The chart in words: the configuration to use for an accuracy.
-//!
-//! Only runs of a [tail] are recommended, so that no advice is contradicted by a finer run of the same table.
+//! The chart in words: the configuration to use for an accuracy. Only runs of a [tail] are recommended, so that no finer run contradicts the advice.
 
-use super::curve::{best_of_each, curves, tail};
+use super::curve::{Curve, best_of_each, curves, tail};
 use super::run::short;
 use super::{Run, WorkPrecision};
 use crate::integrate::percent;
@@ -70,15 +68,14 @@ impl WorkPrecision {
     /// The conclusions for a terminal, in short lines: the recommendations, and a line for each method that some run speaks for.
     pub fn conclusion_lines(&self) -> Vec<String> {
         let mut lines = self.recommendations();
-        let mut list = |heading: &str, items: Vec<String>| {
+        let reached = self.longest_steps().into_iter().filter(|(_, limit)| !limit.starts_with(NOWHERE));
+        let reached = reached.map(|(name, limit)| format!("{name} {limit}")).collect();
+        for (heading, items) in self.best_options().into_iter().chain([(LONGEST_STEPS.to_owned(), reached)]) {
             if !items.is_empty() {
                 lines.push(format!("{heading}:"));
                 lines.extend(items.into_iter().map(|item| format!("  {item}")));
             }
-        };
-        self.best_options().into_iter().for_each(|(heading, options)| list(&heading, options));
-        let reached = self.longest_steps().into_iter().filter(|(_, limit)| !limit.starts_with(NOWHERE));
-        list(LONGEST_STEPS, reached.map(|(name, limit)| format!("{name} {limit}")).collect());
+        }
         lines
     }
 
@@ -92,8 +89,7 @@ impl WorkPrecision {
     }
 
     fn obstacle(&self) -> String {
-        let completed: Vec<f64> = self.runs.iter().filter_map(Run::useful_error).collect();
-        let best = completed.iter().copied().fold(f64::INFINITY, f64::min);
+        let best = self.runs.iter().filter_map(Run::useful_error).reduce(f64::min);
         if self.floor() > LEAST_ACCURACY {
             return format!(
                 "the reference is good to about {} only, so that errors below {} cannot be told from it; a larger budget or a \
@@ -105,9 +101,9 @@ impl WorkPrecision {
         if self.runs.is_empty() {
             return "there was no time for a run; a larger budget has some".into();
         }
-        if completed.is_empty() {
+        let Some(best) = best else {
             return format!("none of {} runs came to a useful end; shorter steps may", self.runs.len());
-        }
+        };
         if best > LEAST_ACCURACY {
             return format!(
                 "the best of {} runs is wrong by {}; a larger budget or a shorter step to begin with makes finer ones",
@@ -130,7 +126,7 @@ impl WorkPrecision {
     /// The best configuration of each method, and the longest steps up to which it can be relied on.
     pub fn longest_steps(&self) -> Vec<(String, String)> {
         let all = curves(&self.runs);
-        let limit = |best: super::Curve<'_>| {
+        let limit = |best: Curve<'_>| {
             let mut of_method = all.iter().filter(|curve| curve.method == best.method).flat_map(|curve| &curve.runs);
             let limit = match tail(&best, self.floor()).last() {
                 Some(run) => format!("up to {}", run.step_control()),

@@ -1,9 +1,8 @@
 //! Every answer to a matrix that is not definite, compared on one scene.
 //!
 //! One nonlinear backward Euler step of each length, and the search for the equilibrium (an infinite step), are solved with every stiffness option
-//! and policy from the same start, by Cholesky factorizations and to one stopping rule: a residual of [`TOLERANCE`] of the forces that balance
-//! in it. An option stays for all iterations, where a run would leave one that serves badly. All solve the same equations, which may have several
-//! solutions; so the potential that is reached and its definiteness belong to the result:
+//! and policy from the same start, by Cholesky factorizations, to a residual of [`TOLERANCE`] of the forces that balance in it. An option stays for
+//! all iterations. The equations may have several solutions; so the potential that is reached and its definiteness belong to the result:
 //!
 //! ```text
 //! Φ = ½ (v' − v)ᵀ M (v' − v) + U(x') − gᵀ M x',      definite: A(dt) at x', of a step;      E(x) and −K, of an equilibrium.
@@ -241,15 +240,14 @@ pub fn conclusions(problems: &[&[Solve]]) -> Vec<String> {
     let mut sentences = Vec::new();
     if let Some(best) = best {
         let [iterations, factorizations] = all[best].means;
+        let costs = match best {
+            0 => String::new(),
+            _ => format!(": {factorizations:.2} times those of on-demand, and {iterations:.2} times its iterations"),
+        };
         sentences.push(format!(
-            "{} arrives at {most} of {} solutions, as many as any, with the fewest factorizations of those that do{}.",
+            "{} arrives at {most} of {} solutions, as many as any, with the fewest factorizations of those that do{costs}.",
             names[best],
             problems.len(),
-            match best {
-                0 => String::new(),
-                _ =>
-                    format!(": {factorizations:.2} times those of on-demand, and {iterations:.2} times its iterations"),
-            }
         ));
     }
     let fails = (0..names.len()).filter(|&policy| all[policy].solved < most);
@@ -260,8 +258,7 @@ pub fn conclusions(problems: &[&[Solve]]) -> Vec<String> {
     }
     let differs = |solves: &&&[Solve]| {
         let energies = || solves.iter().filter_map(|solve| solve.energy);
-        let (low, high) =
-            energies().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), e| (low.min(e), high.max(e)));
+        let (low, high) = (energies().fold(f64::INFINITY, f64::min), energies().fold(f64::NEG_INFINITY, f64::max));
         // Far above what the stopping rule leaves.
         high - low > 1e-6 * high.abs().max(low.abs())
     };
@@ -272,34 +269,25 @@ pub fn conclusions(problems: &[&[Solve]]) -> Vec<String> {
     sentences
 }
 
-/// Performance profiles: for each solver ρ at every τ. `costs[problem][solver]` is infinite where that failed.
-pub fn performance_profiles(costs: &[Vec<f64>], taus: &[f64]) -> Vec<Vec<(f64, f64)>> {
-    let solvers = costs.first().map_or(0, Vec::len);
-    let least: Vec<f64> = costs.iter().map(|problem| problem.iter().copied().fold(f64::INFINITY, f64::min)).collect();
-    let part = |solver: usize, tau: f64| {
-        let within = costs
-            .iter()
-            .zip(&least)
-            .filter(|(problem, least)| problem[solver].is_finite() && problem[solver] <= tau * **least);
-        within.count() as f64 / costs.len() as f64
-    };
-    (0..solvers).map(|solver| taus.iter().map(|&tau| (tau, part(solver, tau))).collect()).collect()
-}
-
 /// The performance profile of the factorizations of problems, each with a solve for every policy.
 pub fn profile_figure(problems: &[&[Solve]]) -> Plot {
     let cost = |solve: &Solve| if solve.is_solved() { solve.costs()[1] } else { f64::INFINITY };
-    let costs: Vec<Vec<f64>> = problems.iter().map(|solves| solves.iter().map(cost).collect()).collect();
+    // ρ of a policy at τ.
+    let part = |policy: usize, tau: f64| {
+        let least = |solves: &[Solve]| solves.iter().map(cost).fold(f64::INFINITY, f64::min);
+        let is_within = |solves: &&&[Solve]| solves[policy].is_solved() && cost(&solves[policy]) <= tau * least(solves);
+        problems.iter().filter(is_within).count() as f64 / problems.len() as f64
+    };
     let plot = Plot::new(
         "Performance profile of the factorizations",
         Axis::logarithmic("factorizations over the fewest, τ"),
         Axis::linear("part of the problems solved"),
     );
-    let taus: Vec<f64> = (0..=16).map(|quarter| 2f64.powf(f64::from(quarter) / 4.0)).collect();
-    let profiles = performance_profiles(&costs, &taus);
-    let named = StiffnessPolicy::ALL.map(StiffnessPolicy::name).into_iter().zip(profiles);
-    named
-        .fold(plot, |plot, (name, points)| plot.with_series(Series::line(name, points)))
+    let taus = (0..=16).map(|quarter| 2f64.powf(f64::from(quarter) / 4.0));
+    let policies = StiffnessPolicy::ALL.into_iter().enumerate().filter(|_| !problems.is_empty());
+    policies
+        .map(|(policy, each)| Series::line(each.name(), taus.clone().map(|tau| (tau, part(policy, tau))).collect()))
+        .fold(plot, Plot::with_series)
         .concluding(conclusions(problems).into_iter().next().unwrap_or_default())
 }
 

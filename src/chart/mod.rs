@@ -1,7 +1,7 @@
 //! Speed against accuracy, and the limits of stability, as plain data.
 //!
-//! [`WorkPrecision`] sweeps methods, stiffness options, solvers and steps over one scene and measures what each run costs and
-//! how far it ends from a [`Reference`] of independent origin. Pages are made from it in [`report`](crate::report).
+//! [`WorkPrecision`] sweeps methods, stiffness options, solvers and steps over one scene and measures what each run costs and how far it ends from a
+//! [`Reference`] of independent origin. Pages are made from it in [`report`](crate::report).
 
 mod conclusion;
 mod curve;
@@ -15,7 +15,6 @@ mod sweep;
 mod work_precision;
 mod work_precision_figure;
 
-pub use curve::{Curve, best_of_each, curves, tail};
 pub use decision::Decision;
 pub use dop853::dop853;
 pub use reference::Reference;

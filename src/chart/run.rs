@@ -1,7 +1,7 @@
 //! One run: what it costs, and its errors at the end against the reference.
 
 use super::{Deadline, Reference};
-use crate::accuracy::{Configuration, StepControl, Trial, relative_position_error, trial};
+use crate::accuracy::{Configuration, StepControl, relative_position_error, trial};
 use crate::error::Result;
 use crate::force::{Energy, angular_momentum};
 use crate::integrate::Status;
@@ -112,7 +112,6 @@ impl Quality {
     }
 }
 
-/// The scene and the reference that runs are made on and measured by.
 pub(super) struct Bench<'s> {
     pub system: &'s System,
     pub start: &'s State,
@@ -136,47 +135,34 @@ impl Bench<'_> {
             return Ok(None);
         }
         // The first run warms the caches up; the noise of a long one is small against its length.
-        let (mut repeats, mut wall) = (0, first.wall);
-        while first.wall < Duration::from_millis(100) && repeats < 3 && deadline.allows(first.wall) {
-            let again = once()?.wall;
-            wall = if repeats == 0 { again } else { wall.min(again) };
-            repeats += 1;
+        let mut again = Vec::new();
+        while first.wall < Duration::from_millis(100) && again.len() < 3 && deadline.allows(first.wall) {
+            again.push(once()?.wall);
         }
-        Ok(Some(self.run(configuration, control, first, repeats, wall)))
-    }
-
-    fn run(
-        &self,
-        configuration: &Configuration,
-        control: StepControl,
-        trial: Trial,
-        repeats: u32,
-        wall: Duration,
-    ) -> Run {
-        let completed = trial.status == Status::Completed;
-        let quality = completed.then(|| Quality::of(self.system, &trial.state, &self.reference.state, self.start));
-        let work = trial.statistics.work;
+        let completed = first.status == Status::Completed;
+        let quality = completed.then(|| Quality::of(self.system, &first.state, &self.reference.state, self.start));
+        let work = first.statistics.work;
         let (dt, rtol) = match control {
             StepControl::Step(dt) => (dt, None),
-            StepControl::Adaptive { rtol, .. } => (self.duration / trial.steps.max(1) as f64, Some(rtol)),
+            StepControl::Adaptive { rtol, .. } => (self.duration / first.steps.max(1) as f64, Some(rtol)),
         };
         let iterates = configuration.method.is_implicit() && work.factorizations == 0;
-        Run {
+        Ok(Some(Run {
             method: configuration.method.name(),
             stiffness: configuration.stiffness(),
-            solver: trial.solver,
+            solver: first.solver,
             tolerance: iterates.then_some(configuration.options.linear.tolerance.strictest()),
             rtol,
             dt,
-            status: trial.status,
-            failure: trial.failure.map(|failed| failed.failure.to_string()),
+            status: first.status,
+            failure: first.failure.map(|failed| failed.failure.to_string()),
             error: quality.map(|quality| quality.error),
             quality,
-            wall_seconds: wall.as_secs_f64(),
-            repeats,
+            wall_seconds: again.iter().min().unwrap_or(&first.wall).as_secs_f64(),
+            repeats: again.len() as u32,
             work,
-            cost: self.costs.cost(&work, trial.factor),
-        }
+            cost: self.costs.cost(&work, first.factor),
+        }))
     }
 }
 

@@ -1,6 +1,4 @@
 //! Work–precision data of one scene: the error and cost of every method, stiffness option and solver over a range of steps.
-//!
-//! [`WorkPrecision::measure`] computes the reference and runs the sweep (`sweep`); `work_precision_figure` draws the results.
 
 use super::run::Bench;
 use super::sweep::sweep;
@@ -85,8 +83,7 @@ impl WorkPrecision {
         Ok(Some(Self { scene: scene.into(), duration, reference, runs, excluded: Vec::new() }))
     }
 
-    /// Keeps to recommendations that hold: `holds` says of a run whether its configuration completes the whole scene without a
-    /// warning. One that does not is excluded, and the next best is asked for.
+    /// Excludes recommended runs of which `holds` denies that their configuration completes the whole scene without a warning; then the next best is asked for.
     pub fn verify_recommendations(&mut self, mut holds: impl FnMut(&Run) -> bool) {
         let mut verified: Vec<usize> = Vec::new();
         loop {
@@ -105,18 +102,15 @@ mod tests {
     use super::*;
     use crate::system::fixtures::oscillator;
 
-    fn measured(tell: &mut Progress<'_>) -> WorkPrecision {
-        let (system, start) = oscillator();
-        let budget = Duration::from_secs(4);
-        let options = SweepOptions { duration: 2.0, dt: 0.1, budget, par: Par::Seq, interrupt: Interrupt::NEVER };
-        WorkPrecision::measure("oscillator", &system, &start, &options, tell).unwrap().unwrap()
-    }
-
     /// Every part of the chart has runs, and is named as it begins. A configuration that does not hold is not recommended, at any accuracy.
     #[test]
     fn a_chart_recommends_only_what_holds_to_the_end() {
         let mut told = Vec::new();
-        let mut chart = measured(&mut |_: Duration, what: &str| told.push(what.to_owned()));
+        let mut tell = |_: Duration, what: &str| told.push(what.to_owned());
+        let (system, start) = oscillator();
+        let budget = Duration::from_secs(4);
+        let options = SweepOptions { duration: 2.0, dt: 0.1, budget, par: Par::Seq, interrupt: Interrupt::NEVER };
+        let mut chart = WorkPrecision::measure("oscillator", &system, &start, &options, &mut tell).unwrap().unwrap();
         assert_eq!((chart.scene.as_str(), chart.duration), ("oscillator", 2.0));
         assert!((chart.reference.state.positions[1].x - 1.0 - 0.3 * 2.0f64.cos()).abs() < 1e-8);
         assert!(!chart.runs.is_empty() && told[0] == "reference" && told.len() > chart.runs.len());

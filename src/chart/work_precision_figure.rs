@@ -21,26 +21,22 @@ pub struct Figure {
     pub full: Option<Plot>,
 }
 
-/// The curves of one plot; more are not told apart at a glance.
-const CURVES: usize = 6;
-
 impl Figure {
     fn new(name: &'static str, caption: impl Into<String>, plot: Plot) -> Self {
         Self { name, caption: caption.into(), plot, full: None }
     }
 
-    /// Leaves the first curves in `plot`, with their failures, and keeps all of them in `full`.
+    /// Leaves the first six curves in `plot`, with their failures, as more are not told apart at a glance, and keeps all of them in `full`.
     fn leave_leading(&mut self) {
         let lines = self.plot.series.iter().filter(|series| series.like.is_none() && !series.points.is_empty());
         let names: Vec<String> = lines.map(|series| series.name.clone()).collect();
-        if let Some((leading, [_, ..])) = names.split_at_checked(CURVES) {
+        if let Some((leading, [_, ..])) = names.split_at_checked(6) {
             self.full = Some(self.plot.clone());
             self.plot.series.retain(|series| leading.contains(series.like.as_ref().unwrap_or(&series.name)));
         }
     }
 }
 
-/// The name of a configuration in a legend, and its look.
 type Legend = fn(&Curve<'_>) -> (String, Look);
 
 /// The colour and shape of a method, the same in all pictures; hollow where its steps adapt.
@@ -54,7 +50,6 @@ fn by_method(curve: &Curve<'_>) -> (String, Look) {
     (name(&curve.method, curve.stiffness, curve.solver), look_of_method(&curve.method))
 }
 
-/// By stiffness option and solver; hollow with conjugate gradients.
 fn by_option(curve: &Curve<'_>) -> (String, Look) {
     let known = ["full", "tension", "axial", "on-demand"].iter().position(|name| *name == curve.stiffness);
     let look = Look { number: known.unwrap_or(4), hollow: curve.solver.starts_with("cg") };
@@ -69,7 +64,6 @@ fn with_curves(plot: Plot, curves: &[Curve<'_>], legend: Legend, point: impl Fn(
     })
 }
 
-/// The failures of each curve by cause, in its colour.
 fn with_failures<'a>(
     plot: Plot,
     curves: &[Curve<'a>],
@@ -91,7 +85,6 @@ fn with_failures<'a>(
     })
 }
 
-/// Guides of these slopes through the geometric mean of the points.
 fn with_slopes(mut plot: Plot, slopes: [f64; 2]) -> Plot {
     let points: Vec<(f64, f64)> = plot.series.iter().flat_map(|series| series.points.iter().copied()).collect();
     if let Some(through) = middle(&points) {
@@ -177,7 +170,7 @@ impl WorkPrecision {
         let plot = Plot::log_log(title, "time step, s", "relative position error at the end");
         let plot = with_curves(plot, curves, by_method, |run| Some((run.dt, run.useful_error()?)));
         // Failures of the method's other configurations too.
-        let all = super::curves(&self.runs);
+        let all = super::curve::curves(&self.runs);
         let of_method = |curve: &Curve<'_>| {
             all.iter().filter(|other| other.method == curve.method).flat_map(|other| other.runs.clone()).collect()
         };

@@ -14,8 +14,8 @@ use sprung::inspect::Inspection;
 use sprung::integrate::{ImplicitOptions, Schedule, Status, StiffnessPolicy};
 use sprung::linear::Tolerance;
 use sprung::output::{
-    Checkpoint, ChoiceReport, EnergyLog, FailedStep, FailureReport, Frames, OutputFolder, RunRecord, Summary, WAITING,
-    clear_frames, clear_frames_after, fingerprint, write_final_state,
+    Checkpoint, ChoiceReport, EnergyLog, FailureReport, Frames, OutputFolder, RunRecord, Summary, WAITING,
+    clear_frames, clear_frames_after, fingerprint, write_failed_step, write_final_state,
 };
 use sprung::plan::{DEFAULT_STEP, Plan, parallelism};
 use sprung::report::inspection::explain;
@@ -316,8 +316,7 @@ fn explain_failure(
     // Other policies would have been no help to one that finds definite matrices.
     let is_policy = !matches!(plan.configuration.options.stiffness, StiffnessPolicy::Always(_));
     remedy.filter(|_| !is_policy).into_iter().for_each(help);
-    let (scene, steps) = (&summary.scene, summary.steps);
-    FailedStep { scene, system, state, steps, dt, inspection: &inspection }.write(folder)?;
+    write_failed_step(folder, &summary.scene, (system, state), summary.steps, dt, &inspection)?;
     console.note(format_args!("{} has A, b and the culprits", folder.display()));
     let command = format!("sprung run '{}' {}", folder.join("scene.toml").display(), arguments_of(plan));
     help(format_args!("this repeats the step: {command}"));

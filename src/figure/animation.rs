@@ -19,9 +19,7 @@ pub struct Track {
     pub curves: Vec<(String, Vec<f64>)>,
 }
 
-/// A motion, thinned where there is more than can be played.
-///
-/// Particles that are shown stand for their neighbourhoods where a scene is large, see [`Decimation`].
+/// A motion. Where a scene is large, the particles that are shown stand for their neighbourhoods, see [`Decimation`].
 #[derive(Debug, Clone)]
 pub struct Animation {
     /// The scene's name.
@@ -48,14 +46,11 @@ pub struct Animation {
     pub tracks: Vec<Track>,
 }
 
-/// The most particles and springs that are shown: more do not play smoothly where no graphics hardware helps.
-const PARTICLES: usize = 20_000;
-const SPRINGS: usize = 160_000;
-
 impl Animation {
     /// An animation without frames yet.
     pub fn new(title: impl Into<String>, topology: SceneTopology) -> Self {
-        Self::with_limits(title, topology, PARTICLES, SPRINGS)
+        // More particles and springs do not play smoothly where no graphics hardware helps.
+        Self::with_limits(title, topology, 20_000, 160_000)
     }
 
     /// As [`new`](Self::new), showing no more than so many particles and springs.
@@ -89,10 +84,8 @@ impl Animation {
     pub fn push(&mut self, time: f64, positions: &[Vector3<f64>]) {
         self.times.push(time);
         let strains: Vec<f64> = self.whole.strains(positions).collect();
-        let [mut most, mut least] = [f64::NEG_INFINITY, f64::INFINITY];
-        for &strain in &strains {
-            (most, least) = (most.max(strain), least.min(strain));
-        }
+        let most = strains.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let least = strains.iter().copied().fold(f64::INFINITY, f64::min);
         self.extremes.push([most, least]);
         self.compressed.push(strains.iter().filter(|&&strain| strain < 0.0).count() as f64);
         match &self.decimation {
@@ -143,19 +136,12 @@ impl Animation {
         let mut all: Vec<Cow<'_, Track>> = self.tracks.iter().map(Cow::Borrowed).collect();
         if self.times.len() > 1 && !self.whole.pairs.is_empty() {
             let percent = |end: usize| self.extremes.iter().map(|ends| 100.0 * ends[end]).collect();
-            let strain = Track {
-                title: "strain of all springs".into(),
-                unit: "%".into(),
-                times: self.times.clone(),
-                curves: vec![("most stretched".into(), percent(0)), ("most compressed".into(), percent(1))],
+            let track = |title: &str, unit: &str, curves| {
+                Cow::Owned(Track { title: title.into(), unit: unit.into(), times: self.times.clone(), curves })
             };
-            let compressed = Track {
-                title: "compressed springs".into(),
-                unit: String::new(),
-                times: self.times.clone(),
-                curves: vec![("compressed".into(), self.compressed.clone())],
-            };
-            all.extend([strain, compressed].map(Cow::Owned));
+            let strains = vec![("most stretched".into(), percent(0)), ("most compressed".into(), percent(1))];
+            all.push(track("strain of all springs", "%", strains));
+            all.push(track("compressed springs", "", vec![("compressed".into(), self.compressed.clone())]));
         }
         all
     }

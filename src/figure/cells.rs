@@ -1,15 +1,13 @@
 //! Fields of cells: sparsity patterns, and cells of classes.
 
 use super::{Axis, Series};
-use serde::Serialize;
 
 /// The nonzero entries of a square matrix, counted in square cells.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Spy {
     /// The name of the matrix.
     pub title: String,
     /// The conclusion, in a sentence; may be empty.
-    #[serde(skip_serializing_if = "String::is_empty")]
     pub conclusion: String,
     /// The order of the matrix.
     pub order: usize,
@@ -24,12 +22,9 @@ pub struct Spy {
 }
 
 impl Spy {
-    /// The most cells along a side: larger matrices are counted in larger cells.
-    pub const MOST_CELLS: usize = 180;
-
-    /// From the entries (row, column) of the lower triangle.
+    /// From the entries (row, column) of the lower triangle. Matrices of order above 180 are counted in larger cells.
     pub fn lower(title: impl Into<String>, order: usize, entries: impl Iterator<Item = (usize, usize)>) -> Self {
-        let rows_per_cell = order.div_ceil(Self::MOST_CELLS).max(1);
+        let rows_per_cell = order.div_ceil(180).max(1);
         let cells = order.div_ceil(rows_per_cell);
         let mut counts = vec![0u32; cells * cells];
         let mut total = 0;
@@ -58,7 +53,7 @@ impl Spy {
 }
 
 /// Cells in columns and rows, each of one class, and curves over them.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Tiles {
     /// The title, in a few words.
     pub title: String,

@@ -1,9 +1,8 @@
 //! Showing a scene of a million particles by twenty thousand.
 //!
-//! Particles are gathered into groups of neighbours, greedily: the first one that belongs to no group yet founds one and takes
-//! neighbours that are free still, as many as the wanted size of a group allows; then the groups are the particles of a smaller
-//! scene, and it begins again. The founder stands for its group and moves as it does. All springs from one group to another become
-//! one line, whose strain is their mean; springs within a group are not shown.
+//! Greedy aggregation: the first particle without a group founds one and takes free neighbours up to the group's size; then the groups are the
+//! particles of a smaller scene, and so on. The founder stands for its group. All springs between two groups become one line, whose strain is
+//! their mean; springs within a group are not shown.
 
 use super::{Binding, SceneTopology};
 use nalgebra::Vector3;
@@ -16,13 +15,11 @@ pub struct Decimation {
     group: Vec<u32>,
     /// Groups that springs join, each pair once.
     lines: Vec<[u32; 2]>,
-    /// The line of every spring, `NONE` within a group.
+    /// The line of every spring; `u32::MAX` within a group, as everywhere here for nothing.
     line: Vec<u32>,
     /// One over the number of springs of every line.
     share: Vec<f64>,
 }
-
-const NONE: u32 = u32::MAX;
 
 impl Decimation {
     /// The decimation of a scene with more particles or springs than wanted; `None` for another.
@@ -67,7 +64,7 @@ impl Decimation {
         let lines = joined(&topology.pairs, &group);
         let line_of = |&[i, j]: &[u32; 2]| {
             let pair = ordered([at(&group, i), at(&group, j)]);
-            lines.binary_search(&pair).map_or(NONE, |line| line as u32)
+            lines.binary_search(&pair).map_or(u32::MAX, |line| line as u32)
         };
         let line: Vec<u32> = topology.pairs.iter().map(line_of).collect();
         let mut share = vec![0.0; lines.len()];
@@ -111,8 +108,7 @@ impl Decimation {
     }
 }
 
-/// Gathers particles into groups of at most `size`: the group of every particle, and the founder of every group. Bound
-/// particles found first, so that they stay to be seen.
+/// Gathers particles into groups of at most `size`: the group of every particle, and the founder of every group. Bound particles found first: they are shown.
 fn gather(count: usize, pairs: &[[u32; 2]], size: usize, bound: impl Fn(usize) -> bool) -> (Vec<u32>, Vec<u32>) {
     let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); count];
     for &[i, j] in pairs {
@@ -122,15 +118,15 @@ fn gather(count: usize, pairs: &[[u32; 2]], size: usize, bound: impl Fn(usize) -
             }
         }
     }
-    let mut group = vec![NONE; count];
+    let mut group = vec![u32::MAX; count];
     let mut founders = Vec::new();
     for p in (0..count).filter(|&p| bound(p)).chain(0..count) {
-        if at(&group, p as u32) != NONE {
+        if at(&group, p as u32) != u32::MAX {
             continue;
         }
         let number = founders.len() as u32;
         founders.push(p as u32);
-        let free = neighbours[p].iter().filter(|&&n| at(&group, n) == NONE && !bound(n as usize));
+        let free = neighbours[p].iter().filter(|&&n| at(&group, n) == u32::MAX && !bound(n as usize));
         let members: Vec<u32> = free.copied().take(size.saturating_sub(1)).collect();
         for q in members.into_iter().chain([p as u32]) {
             if let Some(g) = group.get_mut(q as usize) {
@@ -144,7 +140,7 @@ fn gather(count: usize, pairs: &[[u32; 2]], size: usize, bound: impl Fn(usize) -
 /// Pairs of groups that are joined, each once, ascending.
 fn joined(pairs: &[[u32; 2]], group: &[u32]) -> Vec<[u32; 2]> {
     let groups = pairs.iter().map(|&[i, j]| ordered([at(group, i), at(group, j)]));
-    let mut joined: Vec<[u32; 2]> = groups.filter(|[a, b]| a != b && *b != NONE).collect();
+    let mut joined: Vec<[u32; 2]> = groups.filter(|[a, b]| a != b && *b != u32::MAX).collect();
     joined.sort_unstable();
     joined.dedup();
     joined
@@ -155,5 +151,5 @@ fn ordered([a, b]: [u32; 2]) -> [u32; 2] {
 }
 
 fn at(list: &[u32], index: u32) -> u32 {
-    list.get(index as usize).copied().unwrap_or(NONE)
+    list.get(index as usize).copied().unwrap_or(u32::MAX)
 }

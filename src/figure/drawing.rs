@@ -6,19 +6,17 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 /// A scene at one state: particles, springs coloured by a scalar, and what deserves a look.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Drawing {
     /// The title, in a few words.
     pub title: String,
     /// The conclusion, in a sentence; may be empty.
-    #[serde(skip_serializing_if = "String::is_empty")]
     pub conclusion: String,
     /// The name of the segments' scalar, for the colour scale.
     pub scalar: String,
     /// Number of modelled axes: 1, 2 or 3. A planar scene is drawn flat.
     pub dimension: usize,
     /// The axis that points upwards.
-    #[serde(skip)]
     pub up: Up,
     /// Positions of the particles, in m.
     pub points: Vec<[f64; 3]>,
@@ -31,7 +29,7 @@ pub struct Drawing {
 }
 
 /// A spring in a [`Drawing`].
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Segment {
     /// Indices of its end points.
     pub ends: [usize; 2],
@@ -42,7 +40,7 @@ pub struct Segment {
 }
 
 /// A vector at a point of a [`Drawing`].
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arrow {
     /// Index of the point.
     pub point: usize,

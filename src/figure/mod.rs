@@ -1,6 +1,4 @@
-//! Pictures as plain data: what a plot or a scene sketch shows, not how it is drawn.
-//!
-//! Checks, inspections and charts describe their pictures with these types; [`report`](crate::report) draws them.
+//! Pictures as plain data: what a plot or a scene sketch shows; [`report`](crate::report) draws them.
 
 mod animation;
 mod cells;

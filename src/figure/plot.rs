@@ -1,7 +1,5 @@
 //! Curves over two axes.
 
-use serde::Serialize;
-
 /// One plot: two axes, any number of series, and guides to judge them by.
 ///
 /// # Examples
@@ -13,12 +11,11 @@ use serde::Serialize;
 /// let svg = sprung::report::plot::svg(&plot);
 /// assert!(svg.starts_with("<svg") && svg.contains("measured"));
 /// ```
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Plot {
     /// The title, in a few words.
     pub title: String,
     /// The conclusion, in a sentence; may be empty.
-    #[serde(skip_serializing_if = "String::is_empty")]
     pub conclusion: String,
     /// The horizontal axis.
     pub x: Axis,
@@ -65,7 +62,7 @@ impl Plot {
 }
 
 /// An axis: its title, with the unit, and its scale.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
     /// The quantity and its unit.
     pub title: String,
@@ -86,8 +83,7 @@ impl Axis {
 }
 
 /// The spacing of the values of an axis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
     /// Equal differences are equally long.
     Linear,
@@ -96,7 +92,7 @@ pub enum Scale {
 }
 
 /// A named sequence of points.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Series {
     /// The name in the legend.
     pub name: String,
@@ -113,7 +109,7 @@ pub struct Series {
 }
 
 /// A colour and a shape by number, so that one thing looks the same in all pictures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Look {
     /// The number.
     pub number: usize,
@@ -136,8 +132,7 @@ impl Series {
         Self::new(name, points, Mark::Point)
     }
 
-    /// Points of what failed, drawn as crosses, by the cause of the failure. One whose y (or x) is not finite, or has no place
-    /// on a logarithmic axis, stands in a lane along the upper (the right) edge instead of being left out.
+    /// Points of what failed, drawn as crosses, by cause. One whose y (or x) has no place on its axis stands in a lane along the upper (the right) edge.
     pub fn failures(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
         Self::new(name, points, Mark::Cross)
     }
@@ -159,8 +154,7 @@ impl Series {
 }
 
 /// The marks of the points of a series.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
     /// A marker at every point and a line through them.
     Line,
@@ -171,8 +165,7 @@ pub enum Mark {
 }
 
 /// A thin line that says what to expect.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Guide {
     /// On logarithmic axes, a line of this slope through a point; it has a meaning on those only.
     Slope {

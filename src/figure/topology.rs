@@ -30,8 +30,7 @@ impl Binding {
     }
 }
 
-/// The parts of a scene that stay the same while it moves. Lists of one length belong together: bindings to particles, rest lengths and
-/// stiffnesses to pairs.
+/// The parts of a scene that stay the same while it moves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneTopology {
     /// Number of modelled axes: 1, 2 or 3.

@@ -8,9 +8,8 @@ use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-/// `energy.csv` during a run: header `time,kinetic,elastic,gravitational,total,work,dissipated,imbalance`, one row per recorded step,
-/// time in s and energies in J, the last three since the start of the run. An energy that is not finite is left empty. The file
-/// appears at [`finish`](Self::finish).
+/// `energy.csv` during a run: `time,kinetic,elastic,gravitational,total,work,dissipated,imbalance` of every recorded step, in s and J, the last three
+/// since the start of the run. An energy that is not finite is left empty. The file appears at [`finish`](Self::finish).
 #[derive(Debug)]
 pub struct EnergyLog {
     target: PathBuf,
@@ -39,18 +38,23 @@ struct Row {
 }
 
 impl EnergyLog {
+    fn new(target: PathBuf, file: Tally<AtomicFile>) -> Self {
+        let rows = csv::WriterBuilder::new().has_headers(file.bytes == 0).from_writer(file);
+        Self { target, rows }
+    }
+
     /// Starts the file.
     pub fn create(target: impl Into<PathBuf>) -> Result<Self> {
         let target = target.into();
-        let rows = csv::Writer::from_writer(Tally::new(AtomicFile::create(&target)?));
-        Ok(Self { target, rows })
+        let file = AtomicFile::create(&target)?;
+        Ok(Self::new(target, Tally::new(file)))
     }
 
     /// Starts a file that a later process can continue.
     pub fn create_resumable(target: impl Into<PathBuf>) -> Result<Self> {
         let target = target.into();
-        let rows = csv::Writer::from_writer(Tally::new(AtomicFile::create_resumable(&target)?));
-        Ok(Self { target, rows })
+        let file = AtomicFile::create_resumable(&target)?;
+        Ok(Self::new(target, Tally::new(file)))
     }
 
     /// Continues a file after a position.
@@ -62,9 +66,7 @@ impl EnergyLog {
         let is_right = |bytes: &[u8]| Checksum::of(bytes).text() == position.checksum;
         let file = AtomicFile::resume(&target, position.bytes, is_right)?;
         let before = std::fs::read(file.unfinished()).map_err(|source| Error::io(&target, source))?;
-        let rows = Tally::after(file, position.bytes, Checksum::of(&before));
-        let rows = csv::WriterBuilder::new().has_headers(position.bytes == 0).from_writer(rows);
-        Ok(Self { target, rows })
+        Ok(Self::new(target, Tally { inner: file, bytes: position.bytes, checksum: Checksum::of(&before) }))
     }
 
     /// The position up to which everything is in the file, whatever happens to the process.
@@ -93,7 +95,7 @@ impl EnergyLog {
     /// Completes the file.
     pub fn finish(self) -> Result<()> {
         let Self { target, rows } = self;
-        rows.into_inner().map_err(|failed| Error::io(target, failed.into_error()))?.into_inner().commit()
+        rows.into_inner().map_err(|failed| Error::io(target, failed.into_error()))?.inner.commit()
     }
 }
 
@@ -135,22 +137,13 @@ pub struct Tally<W> {
 }
 
 impl<W> Tally<W> {
-    /// Continues after so many bytes with this checksum.
-    pub fn after(inner: W, bytes: u64, checksum: Checksum) -> Self {
-        Self { inner, bytes, checksum }
-    }
-
     pub fn new(inner: W) -> Self {
-        Self::after(inner, 0, Checksum::default())
+        Self { inner, bytes: 0, checksum: Checksum::default() }
     }
 
     /// Bytes so far, and their checksum.
     pub fn so_far(&self) -> (u64, Checksum) {
         (self.bytes, self.checksum)
-    }
-
-    pub fn into_inner(self) -> W {
-        self.inner
     }
 }
 
@@ -171,30 +164,18 @@ impl<W: Write> Write for Tally<W> {
 mod tests {
     use super::*;
 
-    #[test]
-    fn positions_are_on_disk() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut log = EnergyLog::create_resumable(folder.path().join("energy.csv")).unwrap();
-        let energy = Energy { kinetic: 1.0, elastic: 0.25, gravitational: -2.0 };
-        let balance = Balance { work: 0.5, dissipated: 0.125, imbalance: 0.0 };
-        for time in [0.0, 0.5] {
-            log.push(time, &energy, &balance).unwrap();
-            let position = log.position().unwrap();
-            let written = std::fs::read(folder.path().join(".sprung-energy.csv.part")).unwrap();
-            assert_eq!((position.bytes, position.checksum), (written.len() as u64, Checksum::of(&written).text()));
-        }
-    }
-
-    /// Continued after the first row or from nothing, the bytes are those of a log that was never interrupted.
+    /// A position is on disk. Continued after the first row or from nothing, the bytes are those of a log that was never interrupted.
     #[test]
     fn logs_continue() {
         let folder = tempfile::tempdir().unwrap();
         let energy = Energy { kinetic: 1.0, elastic: 0.25, gravitational: -2.0 };
         let balance = Balance { work: 0.5, dissipated: 0.125, imbalance: f64::NAN };
         let path = |name: &str| folder.path().join(name);
-        let mut log = EnergyLog::create(path("whole.csv")).unwrap();
+        let mut log = EnergyLog::create_resumable(path("whole.csv")).unwrap();
         log.push(0.0, &energy, &balance).unwrap();
         let after_one = log.position().unwrap();
+        let written = std::fs::read(path(".sprung-whole.csv.part")).unwrap();
+        assert_eq!((after_one.bytes, &after_one.checksum), (written.len() as u64, &Checksum::of(&written).text()));
         log.push(0.5, &energy, &balance).unwrap();
         log.finish().unwrap();
         let whole = std::fs::read_to_string(path("whole.csv")).unwrap();

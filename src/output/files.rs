@@ -7,10 +7,8 @@ use std::io::{self, BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use tempfile::{NamedTempFile, TempPath};
 
-/// A file that gets its name only when it is complete.
-///
-/// It is written as a temporary file in the target's folder, so that taking the name is a rename within one file system. Until
-/// [`commit`](Self::commit) an older file of that name is untouched; dropped without it, nothing remains. Writing is buffered.
+/// A file that gets its name only when it is complete: a buffered temporary file in the target's folder, renamed by [`commit`](Self::commit). Until
+/// then an older file of that name is untouched; dropped without it, nothing remains.
 #[derive(Debug)]
 pub struct AtomicFile {
     target: PathBuf,
@@ -33,8 +31,7 @@ impl AtomicFile {
         Ok(Self { target, file: BufWriter::with_capacity(1 << 16, file) })
     }
 
-    /// As [`create`](Self::create), with a fixed name as long as the file is unfinished: it stays when the process ends early, and
-    /// [`resume`](Self::resume) can continue it.
+    /// As [`create`](Self::create), with a fixed name until it is finished, so that [`resume`](Self::resume) can continue it when the process ends early.
     pub fn create_resumable(target: impl Into<PathBuf>) -> Result<Self> {
         // Checks the folder and the name.
         let Self { target, .. } = Self::create(target)?;
@@ -88,7 +85,7 @@ impl AtomicFile {
     /// Writes a whole file of JSON in one line.
     pub fn write_json(target: impl Into<PathBuf>, value: &impl Serialize) -> Result<()> {
         Self::write(target, |file| {
-            serde_json::to_writer(&mut *file, value).map_err(io::Error::from)?;
+            serde_json::to_writer(&mut *file, value)?;
             file.write_all(b"\n")
         })
     }
@@ -96,7 +93,7 @@ impl AtomicFile {
     /// Writes a whole file of indented JSON.
     pub fn write_indented_json(target: impl Into<PathBuf>, value: &impl Serialize) -> Result<()> {
         Self::write(target, |file| {
-            serde_json::to_writer_pretty(&mut *file, value).map_err(io::Error::from)?;
+            serde_json::to_writer_pretty(&mut *file, value)?;
             file.write_all(b"\n")
         })
     }
@@ -124,7 +121,6 @@ impl Write for AtomicFile {
     }
 }
 
-/// The folder of a file: of a bare name, the current one.
 fn folder_of(target: &Path) -> &Path {
     target.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
 }
@@ -146,13 +142,11 @@ fn check_folder(folder: &Path) -> Result<()> {
     }
 }
 
-/// The name of an unfinished file that can be continued.
 fn unfinished(target: &Path) -> PathBuf {
     let name = target.file_name().unwrap_or_default().to_string_lossy();
     target.with_file_name(format!("{PREFIX}{name}{SUFFIX}"))
 }
 
-/// The message for files that a checkpoint needs.
 pub(super) const MISSING: &str = "what the checkpoint goes on from is not there any more";
 
 /// A file that is open for writing after its first `length` bytes.
@@ -199,10 +193,8 @@ fn temporary() -> tempfile::Builder<'static, 'static> {
     builder
 }
 
-/// A locked output folder. The lock goes with the value, or with the process, however that ends.
-///
-/// The lock keeps the files of two commands apart. Locking removes unfinished files of an earlier command. Its finished files stay
-/// until others take their place: a run that fails early leaves the last results whole.
+/// A locked output folder, which keeps the files of two commands apart. The lock goes with the value, or with the process, however that ends.
+/// Finished files of an earlier command stay until others take their place: a run that fails early leaves the last results whole.
 #[derive(Debug)]
 pub struct OutputFolder {
     path: PathBuf,
@@ -211,8 +203,7 @@ pub struct OutputFolder {
 }
 
 impl OutputFolder {
-    /// Creates the folder where it does not exist, locks it, and removes unfinished files of a killed process; `goes_on` keeps those
-    /// that can be continued.
+    /// Creates the folder where it does not exist, locks it, and removes unfinished files of a killed process; `goes_on` keeps those that can be continued.
     ///
     /// # Errors
     /// [`Error::Io`] when the folder cannot be created, or when another process is at work in it.
@@ -237,10 +228,7 @@ impl OutputFolder {
         &self.path
     }
 
-    /// Checks that nothing but a folder has the name of an inner folder.
-    ///
-    /// # Errors
-    /// [`Error::Io`] for a file of that name.
+    /// Fails where something else than a folder has the name of an inner folder.
     pub fn check_inside(&self, folder: &str) -> Result<()> {
         check_folder(&self.path.join(folder))
     }
@@ -310,9 +298,10 @@ mod tests {
 
     #[test]
     fn a_bare_name_is_in_the_current_folder() {
-        for (file, folder) in [("a.txt", "."), ("b/a.txt", "b"), ("/a.txt", "/"), ("/b/c/a.txt", "/b/c"), ("", ".")] {
-            assert_eq!(folder_of(Path::new(file)), Path::new(folder), "{file}");
-        }
+        assert_eq!(
+            ["a.txt", "b/a.txt", "/a.txt", ""].map(|file| folder_of(Path::new(file))),
+            [".", "b", "/", "."].map(Path::new)
+        );
     }
 
     /// One of two claims succeeds; unfinished files go, those of others stay.
@@ -338,7 +327,6 @@ mod tests {
             assert!(error.ends_with("a/b: another run is using this folder"), "{error}");
         }
         folder.remove("final.json").unwrap();
-        folder.remove("final.json").unwrap();
         folder.remove_inside("frames", |name| name.ends_with(".vtp")).unwrap();
         assert!(!ours.into_iter().any(exists) && exists("frames/mine.txt"));
         folder.remove_inside("frames", |_| true).unwrap();
@@ -355,34 +343,5 @@ mod tests {
         drop(folder);
         OutputFolder::claim(&path, false).unwrap();
         assert!(!exists(".sprung-energy.csv.part"));
-    }
-
-    /// A file can neither be claimed nor hold other files; a folder cannot be removed as a file.
-    #[test]
-    fn files_are_no_folders() {
-        let parent = tempfile::tempdir().unwrap();
-        let file = parent.path().join("file");
-        std::fs::write(&file, "").unwrap();
-        let claimed = OutputFolder::claim(&file, false).map(drop).unwrap_err();
-        let written = AtomicFile::create(file.join("inside")).map(drop).unwrap_err();
-        let expected = format!("{}: not a directory", file.display());
-        assert_eq!([claimed, written].map(|error| error.to_string()), [expected.clone(), expected]);
-        std::fs::create_dir(parent.path().join("final.json")).unwrap();
-        let folder = OutputFolder::claim(parent.path(), false).unwrap();
-        assert!(folder.remove("absent").is_ok());
-        let removed = folder.remove("final.json").unwrap_err().to_string();
-        assert_eq!(removed, format!("{}: is a directory", parent.path().join("final.json").display()));
-        for (inner, fits) in [("absent", true), ("final.json", true), ("file", false)] {
-            assert_eq!(folder.check_inside(inner).is_ok(), fits, "{inner}");
-        }
-    }
-
-    /// A folder that cannot be created leaves none of those around it.
-    #[test]
-    fn what_fails_leaves_nothing() {
-        let parent = tempfile::tempdir().unwrap();
-        let long = parent.path().join("out/inner").join("x".repeat(300));
-        assert!(OutputFolder::claim(&long, false).is_err());
-        assert!(!parent.path().join("out").exists() && parent.path().exists());
     }
 }

@@ -10,11 +10,9 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Writes `{"scene", "time", "steps", "positions", "velocities", "reactions"}`, time in s, positions in m, velocities in m/s, one
-/// row per particle with as many entries as the scene has axes.
-///
-/// `"reactions"` is `{"particles": […], "forces": [[…]…]}`: for every particle with a prescribed coordinate the
-/// [force](Reactions::at) of its constraint in N, zero along free axes; null where the ends of a spring coincide.
+/// Writes `{"scene", "time", "steps", "positions", "velocities", "reactions"}` in s, m and m/s, one row per particle with as many entries as the scene
+/// has axes. `"reactions"` is `{"particles": […], "forces": [[…]…]}`: for every particle with a prescribed coordinate the [force](Reactions::at) of its
+/// constraint in N, zero along free axes; null where the ends of a spring coincide.
 pub fn write_final_state(
     target: impl Into<PathBuf>,
     scene: &str,
@@ -24,25 +22,22 @@ pub fn write_final_state(
 ) -> Result<()> {
     let rows = |vectors: &[Vector3<f64>]| vectors.iter().map(|x| Row::of(x, system.dimension())).collect();
     let reactions = Reactions::at(system, state).ok();
-    let reactions = reactions.as_ref();
     let content = FinalState {
         scene,
         time: state.time,
         steps,
         positions: rows(&state.positions),
         velocities: rows(&state.velocities),
-        reactions: reactions.map(|Reactions { particles, forces }| ReactionRows { particles, forces: rows(forces) }),
+        reactions: reactions.as_ref().map(|of| ReactionRows { particles: &of.particles, forces: rows(&of.forces) }),
     };
     AtomicFile::write_json(target, &content)
 }
 
-/// Reads a state that [`write_final_state`] wrote, for a system of as many particles and axes: `"time"` in s, `"positions"` in m and
-/// `"velocities"` in m/s, to the bit. Other keys are ignored.
+/// Reads `"time"`, `"positions"` and `"velocities"` that [`write_final_state`] wrote, to the bit; other keys are ignored.
 ///
 /// # Errors
-/// With the file's name: [`Error::Io`] when it cannot be read, [`Error::Format`] with key and position for text that is no such JSON, and
-/// [`Error::Invalid`] for a state that does not fit the system or from which no run can start: rows of another number or length,
-/// coordinates beyond [`State::LARGEST`], a spring of zero length without a direction, an energy that overflows.
+/// With the file's name: [`Error::Io`] when it cannot be read, [`Error::Format`] for text that is no such JSON, and [`Error::Invalid`] for a state that
+/// does not fit the system or from which no run can start.
 pub fn read_final_state(file: &Path, system: &System) -> Result<State> {
     let bytes = std::fs::metadata(file).map_err(|source| Error::io(file, source))?.len();
     // Parsing holds the text, and rows twice.

@@ -1,6 +1,4 @@
-//! Frames as VTK XML `PolyData`, for [ParaView](https://www.paraview.org), VisIt and everything else built on VTK.
-//!
-//! A `.pvd` file lists the frames with their times, and opens as one time series; see [`write_frame`] for the contents of a frame.
+//! Frames as VTK XML `PolyData`, for [ParaView](https://www.paraview.org), VisIt and everything else built on VTK. A `.pvd` file opens as their time series.
 
 use super::{AtomicFile, OutputFolder, Trajectory};
 use crate::error::Result;
@@ -83,8 +81,7 @@ impl Frames {
             return Ok(());
         }
         write_frame(self.folder.join(name(step)), system, state, &self.triangles)?;
-        // Rewritten whenever it has grown by an eighth, the list is valid even when the process is killed, at a total cost
-        // proportional to its length.
+        // Rewritten whenever it has grown by an eighth, the list is valid even when the process is killed, at a total cost proportional to its length.
         if self.series.len() >= self.list_at {
             self.write_list()?;
             self.list_at = self.series.len() + self.series.len() / 8 + 1;
@@ -127,9 +124,8 @@ pub fn clear_frames_after(folder: &OutputFolder, step: u64) -> Result<()> {
     folder.remove_inside("frames", |name| number(name).is_some_and(|number: u64| number > step))
 }
 
-/// Writes a state as `.vtp`: particles are points in m with the data `velocity` in m/s; springs are lines, `triangles` of a mesh are
-/// polygons, both with the strain `l/l0 − 1` as `strain`, a triangle with the mean of those of its sides that are springs.
-/// Units are in the file as VTK's `UNITS_LABEL`. Coordinates along axes that a scene does not model are zero.
+/// Writes a state as `.vtp`: particles are points in m with the data `velocity` in m/s; springs are lines, `triangles` of a mesh are polygons, both with
+/// the strain `l/l0 − 1` as `strain`, a triangle with the mean of those of its sides that are springs. Units are in the file as VTK's `UNITS_LABEL`.
 pub fn write_frame(target: impl Into<PathBuf>, system: &System, state: &State, triangles: &[[u32; 3]]) -> Result<()> {
     let pairs = system.pairs();
     let mut strains: Vec<f64> = (0..pairs.len()).map(|spring| strain(system, state, spring)).collect();
@@ -182,7 +178,6 @@ fn vectors(file: &mut AtomicFile, name: &str, unit: &str, rows: &[Vector3<f64>])
     array(file, &attributes, unit, 3 * rows.len(), values)
 }
 
-/// Cells of equal size, as consecutive corners and the end of each.
 fn cells<const N: usize>(file: &mut AtomicFile, corners: &[[u32; N]]) -> io::Result<()> {
     let all = corners.iter().flatten().map(|&p| i64::from(p).to_le_bytes());
     array(file, "type=\"Int64\" Name=\"connectivity\"", "", N * corners.len(), all)?;
@@ -218,57 +213,23 @@ mod tests {
     use super::*;
     use crate::output::TRAJECTORY;
     use crate::system::SystemBuilder;
-    use std::collections::BTreeSet;
-    use std::path::Path;
-
-    fn particle() -> (System, State) {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.build().unwrap()
-    }
-
-    fn every(steps: u64) -> NonZeroU64 {
-        NonZeroU64::new(steps).unwrap()
-    }
-
-    fn listed(folder: &Path) -> usize {
-        std::fs::read_to_string(folder.join("frames.pvd")).unwrap().matches("<DataSet ").count()
-    }
-
-    /// The list grows one by one up to eight frames, then by an eighth and one: 8 + 1 + 1 = 10, 10 + 1 + 1 = 12, …
-    #[test]
-    fn the_list_is_written_when_it_has_grown_by_an_eighth() {
-        let (folder, (system, mut state)) = (tempfile::tempdir().unwrap(), particle());
-        let mut frames = Frames::create(folder.path(), every(2)).unwrap();
-        let mut lists = BTreeSet::new();
-        for step in 0..48 {
-            state.time = 0.5 * step as f64;
-            frames.record(&system, &state, step).unwrap();
-            lists.insert(listed(folder.path()));
-        }
-        assert_eq!(Vec::from_iter(lists), [1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 19, 22]);
-        let position = frames.position().unwrap();
-        assert_eq!((position.len(), position[0], position[23]), (24, (0.0, 0), (23.0, 46)));
-        frames.finish(&system).unwrap();
-        assert_eq!(listed(folder.path()), 24);
-    }
 
     #[test]
     fn frames_may_have_triangles_and_no_files_of_their_own() {
-        let (folder, (system, state)) = (tempfile::tempdir().unwrap(), particle());
-        let polygons = |triangles: Vec<[u32; 3]>| {
-            let mut frames = Frames::create(folder.path(), every(1)).unwrap().with_triangles(triangles);
-            frames.record(&system, &state, 0).unwrap();
-            std::fs::read_to_string(folder.path().join("frames/frame_000000.vtp")).unwrap()
-        };
-        assert!(polygons(vec![]).contains("NumberOfPolys=\"0\""));
-        assert!(polygons(vec![[0, 0, 0]; 2]).contains("NumberOfPolys=\"2\""));
-        let other = tempfile::tempdir().unwrap();
-        let mut frames = Frames::create(other.path(), every(1)).unwrap().without_vtk();
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        let (system, state) = builder.build().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let start = || Frames::create(folder.path(), NonZeroU64::MIN).unwrap();
+        let mut frames = start().without_vtk();
         frames.record(&system, &state, 0).unwrap();
+        assert_eq!(frames.position().unwrap(), [(0.0, 0)]);
         frames.finish(&system).unwrap();
-        let left: Vec<_> = std::fs::read_dir(other.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         assert_eq!(left, [TRAJECTORY]);
+        start().with_triangles(vec![[0, 0, 0]; 2]).record(&system, &state, 0).unwrap();
+        let frame = std::fs::read_to_string(folder.path().join("frames/frame_000000.vtp")).unwrap();
+        assert!(frame.contains("NumberOfPolys=\"2\""));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Results on disk: JSON, CSV, Matrix Market and VTK, each file written whole or not at all.
 //!
-//! Every number is written in the shortest decimal form that reads back to the same bits. Errors are [`Error::Io`]
-//! with the path of a file that cannot be written, renamed or removed, unless a function says otherwise.
+//! Numbers are written in the shortest decimal form that reads back to the same bits. Errors are [`Error::Io`] with the path of a file that cannot be
+//! written, renamed or removed, unless a function says otherwise.
 
 mod checkpoint;
 mod energy;
@@ -14,16 +14,17 @@ mod playback;
 mod summary;
 mod trajectory;
 
-pub use checkpoint::{CHECKPOINT, Checkpoint, FINISHED, fingerprint, rows};
+pub use checkpoint::{Checkpoint, fingerprint, rows};
 pub use energy::{EnergyLog, LogPosition};
 pub use files::{AtomicFile, OutputFolder};
 pub use final_state::{read_final_state, write_final_state};
 pub use frames::{Frames, clear_frames, clear_frames_after, write_frame};
-pub use matrix_market::{BUNDLE, FailedStep, write_dofs, write_symmetric, write_vector};
+pub use matrix_market::{BUNDLE, write_dofs, write_failed_step, write_symmetric, write_vector};
 pub use modes::write_modes;
 pub use playback::{describe, energy_tracks, playback};
 pub use summary::{ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport, RunRecord, Summary};
-pub use trajectory::{TRAJECTORY, Trajectory, WAITING};
+use trajectory::Trajectory;
+pub use trajectory::{TRAJECTORY, WAITING};
 
 use crate::error::{Error, Result};
 use crate::report;

@@ -123,11 +123,8 @@ fn energies(path: &Path) -> Option<Vec<Track>> {
     Some(energy_tracks(&times, columns))
 }
 
-/// Curves of named columns over times in s: the energies together, their balance together, every other column by itself; none for a single
-/// time.
-///
-/// Gravitational and total energy are counted from the lowest gravitational energy of the motion: their zero is arbitrary, and a large
-/// constant would hide every exchange of energy.
+/// Curves of named columns over times in s: the energies together, their balance together, every other column by itself; none for a single time.
+/// Gravitational and total energy are counted from the lowest gravitational energy of the motion: their zero is arbitrary.
 pub fn energy_tracks(times: &[f64], columns: impl IntoIterator<Item = (String, Vec<f64>)>) -> Vec<Track> {
     if times.len() < 2 {
         return Vec::new();

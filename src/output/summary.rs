@@ -89,6 +89,10 @@ impl Summary {
             Verdict::Interrupted => (Status::Interrupted, ErrorKind::Indicator),
         };
         let warnings = found.warnings(accuracy);
+        let (dt, rtol) = match *control {
+            StepControl::Step(dt) => (dt, None),
+            StepControl::Adaptive { rtol, .. } => (options.duration / (*steps).max(1) as f64, Some(rtol)),
+        };
         // The verdict is the first of them.
         let message = warnings.first().filter(|_| status != Status::Completed);
         Self {
@@ -99,10 +103,7 @@ impl Summary {
             solver: solver.name,
             preconditioner: solver.preconditioner,
             solver_choice: solver.choice.clone(),
-            dt: match control {
-                StepControl::Step(dt) => *dt,
-                StepControl::Adaptive { .. } => options.duration / (*steps).max(1) as f64,
-            },
+            dt,
             steps: *steps,
             time: state.time,
             particles: system.particles(),
@@ -116,7 +117,13 @@ impl Summary {
             failure: message.map(|why| FailureReport { step: *steps, time: state.time, message: why.clone() }),
             warnings,
             effort: Effort { run: found.cost, total: found.total_cost },
-            choice: Some(ChoiceReport::of_answer(found, accuracy, found.reason(accuracy))),
+            choice: Some(ChoiceReport {
+                reason: found.reason(accuracy),
+                accuracy: Some(accuracy),
+                estimated_error: *estimated_error,
+                rtol,
+                runs: Some(found.runs),
+            }),
         }
     }
 }
@@ -214,21 +221,6 @@ impl ChoiceReport {
         let report = Self { reason, accuracy: None, estimated_error: None, rtol: plan.rtol, runs: None };
         (!reasons.is_empty()).then_some(report)
     }
-
-    /// The report on a search for a required accuracy.
-    pub fn of_answer<R>(answer: &Answer<R>, accuracy: f64, reason: String) -> Self {
-        let rtol = match answer.control {
-            StepControl::Adaptive { rtol, .. } => Some(rtol),
-            StepControl::Step(_) => None,
-        };
-        Self {
-            reason,
-            accuracy: Some(accuracy),
-            estimated_error: answer.estimated_error,
-            rtol,
-            runs: Some(answer.runs),
-        }
-    }
 }
 
 /// Total energy at both ends of a run and its balance, in J. Numbers that are not finite are written as null.
@@ -251,8 +243,7 @@ impl EnergyChange {
     }
 }
 
-/// The estimated error of the positions at the end of a run, a
-/// [`relative_position_error`](crate::accuracy::relative_position_error).
+/// The estimated error of the positions at the end of a run, a [`relative_position_error`](crate::accuracy::relative_position_error).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ErrorReport {
     /// The estimate; finite.
@@ -294,17 +285,12 @@ pub struct FailureReport {
 impl FailureReport {
     /// The report on a run that failed or was stopped; `time` is that of its last good state.
     pub fn of(outcome: &Outcome, time: f64) -> Option<Self> {
-        match &outcome.end {
-            Err(failed) => Some(failed.into()),
-            Ok(ControlFlow::Continue(())) => None,
-            Ok(ControlFlow::Break(())) => Some(Self { step: outcome.steps + 1, time, message: "asked to stop".into() }),
-        }
-    }
-}
-
-impl From<&RunFailure> for FailureReport {
-    fn from(failed: &RunFailure) -> Self {
-        Self { step: failed.step, time: failed.time, message: failed.failure.to_string() }
+        let (step, time, message) = match &outcome.end {
+            Err(RunFailure { step, time, failure }) => (*step, *time, failure.to_string()),
+            Ok(ControlFlow::Continue(())) => return None,
+            Ok(ControlFlow::Break(())) => (outcome.steps + 1, time, "asked to stop".into()),
+        };
+        Some(Self { step, time, message })
     }
 }
 

@@ -1,7 +1,7 @@
 //! Axes laid out: where values and tick labels stand, and the field between two axes.
 
-use super::number;
 use super::sheet::{GRID, INK, LINE, Point, Sheet, WIDTH, clip, width, wrap};
+use super::{list, number};
 use crate::figure::{Axis, Scale};
 
 /// About how many labels an axis has room for.
@@ -21,9 +21,7 @@ pub(super) struct ScaledAxis {
     low: f64,
     high: f64,
     margin: f64,
-    /// Labelled places.
     pub ticks: Vec<(f64, String)>,
-    /// Places of the finer grid.
     pub fine: Vec<f64>,
 }
 
@@ -114,8 +112,7 @@ impl ScaledAxis {
             ..=40.0 => &[1.0],
             _ => &[],
         };
-        (self.ticks, self.fine) =
-            (ticks.iter().map(label).collect(), of_digits(fine).iter().map(|tick| self.part(tick.0)).collect());
+        (self.ticks, self.fine) = (list(&ticks, label), list(&of_digits(fine), |tick| self.part(tick.0)));
     }
 }
 
@@ -132,7 +129,7 @@ fn digit_label(digit: f64, decade: i32) -> String {
 }
 
 /// The least and the greatest of some numbers; of none the first is above the second.
-fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
+pub(super) fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
     values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
 }
 
@@ -153,7 +150,6 @@ fn round_step(step: f64) -> f64 {
 /// The field of a picture between its axes, in pixels.
 pub(super) struct Field<'a> {
     titles: [&'a str; 2],
-    /// The title of the vertical axis in lines.
     upright: Vec<String>,
     pub x: ScaledAxis,
     pub y: ScaledAxis,
@@ -193,7 +189,6 @@ impl<'a> Field<'a> {
         self.bottom - place * (self.bottom - self.top)
     }
 
-    /// The point of two values, where they have one.
     pub fn point(&self, (x, y): (f64, f64)) -> Option<Point> {
         Some([self.column(self.x.place(x)?), self.row(self.y.place(y)?)])
     }
@@ -211,7 +206,6 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// Draws both axes with their labels and titles.
     pub fn draw_axes(&self, sheet: &mut Sheet) {
         let Self { left, right, top, bottom, .. } = *self;
         sheet.line(&[[left, top], [left, bottom], [right, bottom]], INK, 2.0);
@@ -285,9 +279,8 @@ mod tests {
     /// Ends of any size, differences down to rounding: ticks stand inside, in their order, and differ.
     #[test]
     fn linear_axes_have_ticks_at_round_values_inside() {
-        for (low, high) in
-            [(0.0, 1.0), (-3.2, 17.9), (1e-9, 2e-9), (5.0, 5.0), (0.0, 0.0), (1e6, 1e6 + 1e-3), (-1e299, 1e299)]
-        {
+        let ends = [(0.0, 1.0), (-3.2, 17.9), (1e-9, 2e-9), (5.0, 5.0), (0.0, 0.0), (1e6, 1e6 + 1e-3), (-1e299, 1e299)];
+        for (low, high) in ends {
             let axis = ScaledAxis::new(Scale::Linear, [low, high].into_iter(), &[], MARGIN);
             let places: Vec<f64> = axis.ticks.iter().map(|tick| tick.0).collect();
             assert!(places.len() > 1 && places.windows(2).all(|pair| pair[0] < pair[1]), "{low} to {high}: {places:?}");

@@ -42,10 +42,8 @@ fn mark(passed: bool) -> Markup {
     }
 }
 
-/// A claim with its checks, by name, the worst first.
 pub(super) fn claim_section(claim: Claim, checks: &[(usize, &Check)], scenes: &[String]) -> Markup {
     let mut sorted = checks.to_vec();
-    // Failed ones before passed ones, larger shares of the bound before smaller ones.
     sorted.sort_by(|(_, a), (_, b)| a.passed().cmp(&b.passed()).then(b.share().total_cmp(&a.share())));
     let mut groups: Vec<(&str, Numbered<'_>)> = Vec::new();
     for entry in sorted {
@@ -71,8 +69,7 @@ pub(super) fn claim_section(claim: Claim, checks: &[(usize, &Check)], scenes: &[
     }
 }
 
-/// The same check on all its scenes, the worst first; what passed is folded away. Figures and worst entries are shown of all failed checks
-/// and of the `narrowest` passed ones nearest their bounds.
+/// The same check on all its scenes, the worst first; what passed is folded away, but for the `narrowest` ones nearest their bounds.
 fn group(name: &str, checks: Numbered<'_>, narrowest: usize, scenes: &[String]) -> Markup {
     let worst = number::share(pretty, worst_share(&checks));
     let (failed, passed): (Numbered<'_>, Numbered<'_>) = checks.into_iter().partition(|(_, check)| !check.passed());
@@ -125,8 +122,7 @@ fn values(name: &str, checks: &[(usize, &Check)], scenes: &[String]) -> Markup {
     page::scrolling(name, &table)
 }
 
-/// A row, short since there are thousands: the style sheet knows its cells by their place, and adds the word to the mark. All digits
-/// are in `report.json`.
+/// A row, short since there are thousands: the style sheet knows its cells by their place, and adds the word to the mark.
 fn value_row(index: usize, check: &Check, scenes: &[String]) -> Markup {
     let [value, bound] = short_pair(check.value, check.bound);
     // A bar on a logarithmic scale from 1e-6 to 100 has the bound at 75 %; a NaN, which is beyond every bound, fills it.
@@ -150,7 +146,6 @@ fn value_row(index: usize, check: &Check, scenes: &[String]) -> Markup {
 
 type Cell = fn(&Entry) -> Option<Markup>;
 
-/// Worst entries, in the columns that have something to show.
 fn entries(check: &Check) -> Markup {
     fn exact(value: f64) -> Markup {
         html! { span title=(format!("{value:e}")) { (pretty(value)) } }

@@ -1,18 +1,19 @@
 //! Scene sketches as SVG.
 
+use super::axis::range;
 use super::number::{self, typeset};
 use super::sheet::{DIVERGING, FAIL, INK, LINE, PAPER, Point, Sheet, WIDTH, path, width, wrap};
 use crate::figure::{Arrow, Drawing, Segment};
 
-/// More springs than this are thinned out; the highlighted ones always stay.
-const SPRINGS: usize = 8000;
 /// More particles than this are not dotted.
 const DOTS: usize = 200;
 /// Only so many arrows are drawn, the longest, so that the strain is seen between them.
 const ARROWS: usize = 48;
+/// Length of the longest arrow.
 const ARROW: f64 = 96.0;
 /// Half the height of the badge with a spring's number.
 const BADGE: f64 = 17.0;
+/// Free space around a badge.
 const GAP: f64 = 4.0;
 
 /// Draws a scene as one SVG element, 800 pixels wide, that can stand in a page or alone in a file.
@@ -30,12 +31,9 @@ pub fn svg(drawing: &Drawing) -> String {
     draw_springs(&mut sheet, drawing, &view, &colours);
     for (_, segment) in &labels {
         if let Some(ends) = view.ends(segment) {
-            let round = format_args!(r#"stroke-linecap="round""#);
-            sheet.element(
-                "path",
-                format_args!(r#"d="{}" stroke="{FAIL}" stroke-width="20" stroke-opacity="0.3" {round}"#, path(&ends)),
-            );
-            sheet.line(&ends, colours.of_segment(segment), 6.0);
+            let halo = r#"stroke-width="20" stroke-opacity="0.3" stroke-linecap="round""#;
+            sheet.element("path", format_args!(r#"d="{}" stroke="{FAIL}" {halo}"#, path(&ends)));
+            sheet.line(&ends, DIVERGING[colours.step(segment)], 6.0);
         }
     }
     draw_particles(&mut sheet, drawing, &view);
@@ -51,8 +49,7 @@ pub fn svg(drawing: &Drawing) -> String {
     sheet.finish(&alt, below + LINE * (notes.len() as f64 + 2.0))
 }
 
-/// A parallel projection of a scene that stands upright, in the unit of the argument: right and up. Scenes in a plane z = const are seen from the
-/// front, others turned by 35° about the vertical axis and from 22° above.
+/// A parallel projection, right and up. Scenes in a plane z = const are seen from the front, others turned by 35° about the vertical axis and from 22° above.
 fn projection(drawing: &Drawing) -> impl Fn([f64; 3]) -> [f64; 2] {
     let up = drawing.up;
     let depths = drawing.points.iter().map(|&point| up.upright(point)[2]);
@@ -68,7 +65,6 @@ fn projection(drawing: &Drawing) -> impl Fn([f64; 3]) -> [f64; 2] {
     }
 }
 
-/// A drawing's points on the sheet, scaled to fill it.
 struct View {
     top: f64,
     bottom: f64,
@@ -76,19 +72,16 @@ struct View {
 }
 
 impl View {
-    /// Places every finite point below `top`.
     fn of(drawing: &Drawing, top: f64) -> Self {
         let projection = projection(drawing);
         let finite = |p: Point| p.iter().all(|c| c.is_finite()).then_some(p);
         let flat: Vec<Option<Point>> = drawing.points.iter().map(|&p| finite(projection(p))).collect();
         // The centre and the half size along an axis.
         let extent = |axis: usize| {
-            let values = || flat.iter().flatten().map(|p| p[axis]);
-            let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+            let (low, high) = range(flat.iter().flatten().map(|p| p[axis]));
             if low <= high { (0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low) } else { (0.0, 0.0) }
         };
         let ((cx, rx), (cy, ry)) = (extent(0), extent(1));
-        // Badges and arrows stand beside the points.
         let border = if drawing.arrows.is_empty() { 70.0 } else { ARROW + 12.0 };
         let scale = ((0.5 * WIDTH - border) / rx).min((320.0 - border) / ry);
         let scale = if scale.is_finite() { scale } else { 1.0 };
@@ -107,7 +100,6 @@ impl View {
     }
 }
 
-/// The colour scale, up to the largest size of a scalar.
 struct Colours {
     extreme: f64,
 }
@@ -123,10 +115,6 @@ impl Colours {
         let share = if self.extreme > 0.0 { segment.scalar / self.extreme } else { 0.0 };
         let middle = DIVERGING.len() / 2;
         (middle as f64 * (1.0 + if share.is_nan() { 0.0 } else { share.clamp(-1.0, 1.0) })).round() as usize
-    }
-
-    fn of_segment(&self, segment: &Segment) -> &'static str {
-        DIVERGING[self.step(segment)]
     }
 
     /// Nine swatches with the scalar at both ends and its name.
@@ -161,17 +149,16 @@ fn draw_springs(sheet: &mut Sheet, drawing: &Drawing, view: &View, colours: &Col
     let mut order: Vec<usize> = (0..paths.len()).collect();
     order.sort_by_key(|&step| step.abs_diff(DIVERGING.len() / 2));
     for (colour, path) in order.into_iter().map(|step| &paths[step]).filter(|(_, path)| !path.is_empty()) {
-        let round = format_args!(r#"fill="none" stroke-linecap="round""#);
-        sheet.element("path", format_args!(r#"d="{path}" stroke="{colour}" stroke-width="{width}" {round}"#));
+        let stroke = format_args!(r#"stroke="{colour}" stroke-width="{width}" fill="none" stroke-linecap="round""#);
+        sheet.element("path", format_args!(r#"d="{path}" {stroke}"#));
     }
 }
 
-/// One in so many springs is drawn.
+/// One in so many springs is drawn, about 8000; the highlighted ones always are.
 fn spacing(drawing: &Drawing) -> usize {
-    drawing.segments.len().div_ceil(SPRINGS).max(1)
+    drawing.segments.len().div_ceil(8000).max(1)
 }
 
-/// Dots for particles, where they are few enough, and squares for those that are held.
 fn draw_particles(sheet: &mut Sheet, drawing: &Drawing, view: &View) {
     let dotted = if drawing.points.len() > DOTS { 0 } else { drawing.points.len() };
     for p in (0..dotted).filter(|p| !drawing.held.contains(p)) {
@@ -187,8 +174,7 @@ fn draw_particles(sheet: &mut Sheet, drawing: &Drawing, view: &View) {
     }
 }
 
-/// The longest arrows, from their feet to their tips, all to one scale, and how many are left out as shorter than these. Those too short to
-/// see are no arrows.
+/// The longest arrows that are long enough to be seen, from their feet to their tips, to one scale, and how many are left out as shorter than these.
 fn arrows(drawing: &Drawing, view: &View) -> (Vec<[Point; 2]>, usize) {
     let projection = projection(drawing);
     let length = |arrow: &Arrow| projection(arrow.vector).into_iter().fold(0.0, f64::hypot);
@@ -215,7 +201,8 @@ fn draw_arrows(sheet: &mut Sheet, arrows: &[[Point; 2]]) {
 
 fn draw_badges(sheet: &mut Sheet, drawing: &Drawing, view: &View, labels: &[(usize, &Segment)], arrows: &[[Point; 2]]) {
     let springs = drawing.segments.iter().filter_map(|segment| view.ends(segment));
-    let mut placement = LabelPlacement::new(springs.chain(arrows.iter().copied()).collect());
+    let lines = springs.chain(arrows.iter().copied()).collect();
+    let mut placement = LabelPlacement { lines, badges: Vec::new() };
     for &(number, segment) in labels {
         let Some([a, b]) = view.ends(segment) else { continue };
         let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
@@ -226,12 +213,10 @@ fn draw_badges(sheet: &mut Sheet, drawing: &Drawing, view: &View, labels: &[(usi
         let (left, top, wide, high) = (x - half, y - BADGE, 2.0 * half, 2.0 * BADGE);
         let place = format_args!(r#"x="{left:.1}" y="{top:.1}" width="{wide:.1}" height="{high}" rx="{BADGE}""#);
         sheet.element("rect", format_args!(r#"{place} fill="{FAIL}""#));
-        let bold = format_args!(r#"text-anchor="middle" font-weight="bold" fill="{PAPER}""#);
-        sheet.styled_text(&text, [x, y], bold);
+        sheet.styled_text(&text, [x, y], format_args!(r#"text-anchor="middle" font-weight="bold" fill="{PAPER}""#));
     }
 }
 
-/// Places for badges that cover as little as can be.
 struct LabelPlacement {
     /// Springs, arrows, and the leaders from springs to their badges.
     lines: Vec<[Point; 2]>,
@@ -239,12 +224,7 @@ struct LabelPlacement {
 }
 
 impl LabelPlacement {
-    fn new(lines: Vec<[Point; 2]>) -> Self {
-        Self { lines, badges: Vec::new() }
-    }
-
-    /// A place for a badge near a spring's middle, between the upper and the lower end, clear of the other badges, and over as few lines as
-    /// possible; of equally good places the nearest.
+    /// The nearest place for a badge to a spring's middle that is clear of the other badges and over as few lines as possible.
     fn place(&mut self, middle: Point, half: f64, [top, bottom]: [f64; 2]) -> Point {
         let around = [2.4, 3.4, 4.6, 6.0, 8.0, 11.0, 14.0].into_iter().flat_map(|radius| {
             (0..16).map(move |i| {
@@ -268,8 +248,7 @@ impl LabelPlacement {
     }
 }
 
-/// True where a line passes through a rectangle around a point: the part of it between the rectangle's sides along one axis and the part between
-/// those along the other overlap.
+/// True where a line passes through a rectangle around a point: its parts between the rectangle's sides along both axes overlap.
 fn meets([a, b]: &[Point; 2], centre: Point, half: Point) -> bool {
     let (mut from, mut to) = (0.0_f64, 1.0_f64);
     for axis in [0, 1] {
@@ -285,7 +264,6 @@ fn meets([a, b]: &[Point; 2], centre: Point, half: Point) -> bool {
     from <= to
 }
 
-/// Why springs are highlighted, and what is not shown.
 fn notes(drawing: &Drawing, view: &View, labels: &[(usize, &Segment)], shorter: usize) -> Vec<String> {
     let reasons = labels.iter().filter_map(|(_, segment)| segment.label.as_deref());
     let mut notes: Vec<String> = reasons.flat_map(|reason| wrap(&typeset(reason), WIDTH - 32.0)).collect();
@@ -308,13 +286,13 @@ mod tests {
 
     #[test]
     fn lines_through_a_rectangle_are_seen() {
-        let meets = |a, b| meets(&[a, b], [10.0, 10.0], [3.0, 2.0]);
-        assert!(meets([0.0, 10.0], [20.0, 10.0]), "across");
-        assert!(meets([10.0, 10.0], [10.5, 10.5]), "within");
-        assert!(meets([6.0, 9.0], [9.0, 13.0]), "through a corner");
-        assert!(!meets([0.0, 10.0], [6.0, 10.0]), "ends before it");
-        assert!(!meets([0.0, 12.5], [20.0, 12.5]), "passes below");
-        assert!(!meets([5.0, 10.0], [10.0, 20.0]), "passes a corner");
+        let meets = |line: [Point; 2]| meets(&line, [10.0, 10.0], [3.0, 2.0]);
+        let [across, within, through_a_corner] =
+            [[[0.0, 10.0], [20.0, 10.0]], [[10.0; 2], [10.5; 2]], [[6.0, 9.0], [9.0, 13.0]]];
+        assert_eq!([across, within, through_a_corner].map(meets), [true; 3]);
+        let [before, below, past_a_corner] =
+            [[[0.0, 10.0], [6.0, 10.0]], [[0.0, 12.5], [20.0, 12.5]], [[5.0, 10.0], [10.0, 20.0]]];
+        assert_eq!([before, below, past_a_corner].map(meets), [false; 3]);
     }
 
     /// A spring in a row of them has its number where none of them is.
@@ -322,7 +300,7 @@ mod tests {
     fn badges_stand_beside_lines_and_each_other() {
         let end = |i: i32| [60.0 + 70.0 * f64::from(i), 200.0];
         let springs: Vec<[Point; 2]> = (0..9).map(|i| [end(i), end(i + 1)]).collect();
-        let mut placement = LabelPlacement::new(springs.clone());
+        let mut placement = LabelPlacement { lines: springs.clone(), badges: Vec::new() };
         for i in 0..9 {
             let place = placement.place([95.0 + 70.0 * f64::from(i), 200.0], 20.0, [0.0, 400.0]);
             assert!(!springs.iter().any(|line| meets(line, place, [20.0, BADGE])), "{place:?} covers a spring");

@@ -7,7 +7,7 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::io;
 
-/// A line per claim with the check nearest to its bound, then every failure with its numbers and worst entries, and what could not be judged.
+/// A line per claim with the check nearest to its bound, then every failure with its worst entries, and what could not be judged.
 pub fn text(results: &Results) -> String {
     let mut lines = format!("{:<60} {:>6} {:>6} {:>17}  verdict\n", "claim", "checks", "failed", "worst value/bound");
     for (claim, checks) in results.by_claim() {
@@ -68,15 +68,8 @@ fn comparison(check: &Check) -> String {
     format!("value {value}, bound {bound}{reason}")
 }
 
-/// The results as the content of `report.json`:
-/// `{"passed", "failed", "checks": [{"name", "scene", "claim", "value", "bound", "passed", "why"}…], "not_judged": [{"name", "scene", "claim",
-/// "why"}…]}`; what could not be judged counts neither as passed nor as failed.
-///
-/// Numbers are in the shortest form that reads back to the same double. NaN and infinity become `null`, as JSON has neither: such a
-/// check has failed, and its `why` begins with what the number was.
-///
-/// # Errors
-/// An error of the serializer; none is known for this data.
+/// The results as the content of `report.json`: `{"passed", "failed", "checks": [{"name", "scene", "claim", "value", "bound", "passed", "why"}…],
+/// "not_judged": [{"name", "scene", "claim", "why"}…]}`. Of a number that is not finite, which is `null`, `why` begins with what it was.
 pub fn json(results: &Results) -> io::Result<String> {
     #[derive(Serialize)]
     struct Document<'a> {
@@ -123,9 +116,6 @@ impl<'a> Record<'a> {
 }
 
 /// The results as a JUnit document: a suite per claim, a case per check; what could not be judged is skipped.
-///
-/// # Errors
-/// An error of the serializer; none is known for this data.
 pub fn junit(results: &Results) -> io::Result<String> {
     let case = |check: &Check, status| {
         let mut case = TestCase::new(format!("{} [{}]", check.name, check.scene), status);

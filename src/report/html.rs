@@ -94,8 +94,7 @@ fn banner(results: &Results) -> Markup {
     }
 }
 
-/// The claims as a table that is the table of contents too: how each is tested, how near its checks come to their bounds, and the planted
-/// faults that no other claim has a check for.
+/// The claims as a table of contents: how near their checks come to their bounds, and the planted faults that no other claim has a check for.
 fn contents(claims: &[(Claim, Numbered<'_>)]) -> Markup {
     let columns = [
         ("claim, and what is measured", Column::Text),
@@ -133,7 +132,6 @@ fn contents(claims: &[(Claim, Numbered<'_>)]) -> Markup {
     }
 }
 
-/// Limits of the suite, and the checks that the numbers of a scene do not allow to be judged.
 fn not_verified(results: &Results) -> Markup {
     const LIMITS: [&str; 5] = [
         "A force law that is wrong in force, energy and matrix alike passes every derivative; only known answers and prescribed motions, which \
@@ -194,7 +192,6 @@ fn reading() -> Markup {
     page::section("reading", &html! { "How to read this" }, &body)
 }
 
-/// A planted fault, and the tests that fail with it.
 #[derive(Deserialize)]
 struct Fault {
     fault: String,
@@ -211,7 +208,6 @@ impl Fault {
         family.unwrap_or_default().replace('_', "-")
     }
 
-    /// Whether the tests that fail are of one family.
     fn is_caught_by_one(&self) -> bool {
         self.families == 1
     }
@@ -222,7 +218,6 @@ fn recorded_faults() -> Vec<Fault> {
     serde_json::from_str(include_str!("faults.json")).unwrap_or_default()
 }
 
-/// The planted faults that the suite catches.
 fn faults() -> Markup {
     let faults = recorded_faults();
     let survived = faults.iter().filter(|fault| fault.tests == 0).count();

@@ -11,7 +11,7 @@ mod formats;
 mod html;
 pub mod inspection;
 pub mod number;
-pub mod page;
+mod page;
 pub mod plot;
 mod sheet;
 pub mod spy;

@@ -18,7 +18,7 @@ pub fn pretty(value: f64) -> String {
     digits.replace('-', "−") + &power.unwrap_or_default()
 }
 
-/// Digits up to which a number is read at a glance; of longer ones the distance is told.
+/// Characters up to which a number is read at a glance; of longer ones the distance is told.
 const GLANCE: usize = 9;
 
 /// Two numbers that are compared: with all digits where three could make different numbers look the same.
@@ -61,8 +61,7 @@ fn all_digits(value: f64) -> String {
 /// Units that stay on the line of their number.
 const UNITS: [&str; 8] = ["s", "ms", "m", "%", "N/m", "J", "times", "rad"];
 
-/// A sentence with the numbers of a terminal, as a page or a picture shows it: `6.3e-4 s` becomes `6.3 × 10⁻⁴ s`, and spaces that must not
-/// be broken hold together.
+/// A sentence with the numbers of a terminal, as a page shows it: `6.3e-4 s` becomes `6.3 × 10⁻⁴ s`, and spaces that must not be broken hold together.
 pub fn typeset(sentence: &str) -> String {
     let mut set = String::with_capacity(sentence.len());
     let [mut after_number, mut after_equals] = [false; 2];
@@ -108,7 +107,6 @@ pub fn power_of_ten(exponent: i32) -> String {
     format!("10{}", exponent.to_string().chars().map(superscript).collect::<String>())
 }
 
-/// Three significant digits, and the power of ten of very large and small numbers.
 fn digits(value: f64) -> (String, Option<i32>) {
     let size = value.abs();
     let digits = if value.is_nan() {
@@ -134,37 +132,15 @@ mod tests {
 
     #[test]
     fn numbers_keep_three_digits() {
-        let cases = [
-            (0.0, "0"),
-            (-0.0, "0"),
-            (12.0, "12"),
-            (0.5, "0.500"),
-            (0.0213, "0.0213"),
-            (-1234.56, "-1235"),
-            (2.134e-11, "2.13e-11"),
-            (6.02e23, "6.02e23"),
-            (f64::NAN, "NaN"),
-            (f64::INFINITY, "∞"),
-        ];
-        for (value, text) in cases {
-            assert_eq!(plain(value), text);
-        }
+        let found = [0.0, -0.0, 12.0, 0.5, 0.0213, -1234.56, 2.134e-11, 6.02e23, f64::NAN, f64::INFINITY].map(plain);
+        assert_eq!(found, ["0", "0", "12", "0.500", "0.0213", "-1235", "2.13e-11", "6.02e23", "NaN", "∞"]);
         assert_eq!(pretty(-2.134e-11), "−2.13\u{a0}×\u{a0}10⁻¹¹");
     }
 
     #[test]
     fn shares_show_their_side_of_the_bound() {
-        let cases = [
-            (1.0, "1"),
-            (0.99996, "0.99996"),
-            (0.9999999, "0.9999999"),
-            (0.99999999, "just below 1"),
-            (1.0001, "1.0001"),
-            (0.5, "0.500"),
-        ];
-        for (value, text) in cases {
-            assert_eq!(share(plain, value), text);
-        }
+        let found = [1.0, 0.99996, 0.9999999, 0.99999999, 1.0001, 0.5].map(|value| share(plain, value));
+        assert_eq!(found, ["1", "0.99996", "0.9999999", "just below 1", "1.0001", "0.500"]);
         assert_eq!(share(plain, 1.0 - f64::EPSILON), "just below 1");
         assert_eq!(share(pretty, 1.0 + f64::EPSILON), "1 + 2.22\u{a0}×\u{a0}10⁻¹⁶");
     }

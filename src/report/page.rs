@@ -14,7 +14,6 @@ pub fn page(title: &str, lead: &str, body: &Markup) -> String {
     document(title, include_str!("page.css"), &body)
 }
 
-/// A file of a page: its title, style and body.
 pub(super) fn document(title: &str, style: &str, body: &Markup) -> String {
     let document = html! {
         (DOCTYPE)
@@ -60,7 +59,6 @@ pub fn formula(text: &str) -> Markup {
     html! { (first) @for (low, rest) in lowered { sub { (low) } (rest) } }
 }
 
-/// The setting of a column of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Column {
     /// Text that needs no heading.
@@ -71,19 +69,15 @@ pub enum Column {
     Number,
 }
 
-/// A row of a table.
 #[derive(Debug)]
 pub enum Row {
-    /// Its cells.
     Cells(Vec<Markup>),
-    /// Cells of what failed.
     Failed(Vec<Markup>),
     /// A heading over the rows that follow.
     Heading(String),
 }
 
-/// A table with its headings, in which an underscore makes a subscript. It scrolls sideways where the page is too narrow for it; `name` says what
-/// it holds.
+/// A table with its headings, in which an underscore makes a subscript; `name` says what it holds.
 pub fn table(name: &str, class: &str, columns: &[(&str, Column)], rows: impl IntoIterator<Item = Row>) -> Markup {
     let number = |kind: Column| (kind == Column::Number).then_some("number");
     let cells = |cells: Vec<Markup>| {

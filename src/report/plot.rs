@@ -16,10 +16,9 @@ const STRIP: f64 = 30.0;
 
 /// Draws a plot as one SVG element, 800 pixels wide, that can stand in a page or alone in a file.
 ///
-/// Points without a place on the axes (NaN, infinity, on a logarithmic axis zero or less) are left out and counted in
-/// the legend; those of [`Mark::Cross`] stand in a lane for their cause instead: along the upper edge where y has no place, along
-/// the right edge where only x has none. Vertical guides have letters above the plot that the legend explains; guides far beside
-/// the points are named there only.
+/// Points without a place on the axes (NaN, infinity, on a logarithmic axis zero or less) are left out and counted in the legend; those of
+/// [`Mark::Cross`] stand in a lane for their cause instead: along the upper edge where y has no place, along the right edge where only x has none.
+/// Vertical guides have letters above the plot that the legend explains; guides far beside the points are named there only.
 pub fn svg(plot: &Plot) -> String {
     let mut layout = Layout::of(plot);
     let (mut sheet, heading) = Sheet::new(&plot.title, &plot.conclusion);
@@ -31,7 +30,6 @@ pub fn svg(plot: &Plot) -> String {
     sheet.finish(&alt(plot), layout.field.bottom + Field::BELOW)
 }
 
-/// The plot in words, for those who cannot see it.
 fn alt(plot: &Plot) -> String {
     let Plot { title, conclusion, x, y, series, .. } = plot;
     let mut names: Vec<&str> = series.iter().map(|series| series.name.as_str()).collect();
@@ -78,7 +76,6 @@ impl<'a> Layout<'a> {
         Self { plot, field: Field::new([&plot.x, &plot.y], [x, y], 500.0, right), lanes }
     }
 
-    /// Width of the lanes above the field, or on its right.
     fn rail(&self, side: usize) -> f64 {
         LANE * self.lanes[side].len() as f64
     }
@@ -101,7 +98,6 @@ impl<'a> Layout<'a> {
         }
     }
 
-    /// The vertical guides in the picture: their columns and letters.
     fn verticals(&self) -> impl Iterator<Item = (f64, char)> {
         let column = |guide: &Guide| match guide {
             Guide::Vertical { x, .. } => self.field.x.inside(*x).map(|place| self.field.column(place)),
@@ -311,12 +307,8 @@ mod tests {
         assert!(near(x0, field.left) && near(y0, field.top) && near(x1, field.right) && near(y1, field.bottom));
         let [[x0, y0], [x1, y1]] = layout.slope_line(2.0, (10.0, 10.0)).unwrap();
         let quarter = 0.25 * (field.right - field.left);
-        assert!(
-            near(x0, field.left + quarter)
-                && near(y0, field.bottom)
-                && near(x1, field.right - quarter)
-                && near(y1, field.top)
-        );
+        assert!(near(x0, field.left + quarter) && near(x1, field.right - quarter));
+        assert!(near(y0, field.bottom) && near(y1, field.top));
         let [[_, y0], [_, y1]] = layout.slope_line(0.0, (3.0, 10.0)).unwrap();
         assert!(near(y0, y1));
         assert!([0.0, f64::NAN, f64::INFINITY].iter().all(|&slope| layout.slope_line(slope, (10.0, 1e9)).is_none()));

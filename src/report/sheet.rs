@@ -1,6 +1,4 @@
-//! A sheet of paper: a title, shapes and text in pixels, written as SVG.
-//!
-//! Sheets are drawn large and scaled down by the page. The browser sets the text, so its width is only estimated here.
+//! A sheet of paper: a title, shapes and text in pixels, written as SVG. The browser sets the text, so its width is only estimated here.
 
 use super::number;
 use std::fmt::{Arguments, Write};
@@ -11,14 +9,10 @@ pub(super) const WIDTH: f64 = 800.0;
 pub(super) const LINE: f64 = 34.0;
 const TEXT: f64 = 25.0;
 
-/// A colour as CSS writes it.
 pub(super) type Colour = &'static str;
-/// Text and axes.
 pub(super) const INK: Colour = "#1b1f24";
-/// Guides.
 pub(super) const MUTED: Colour = "#5b6670";
 pub(super) const GRID: Colour = "#e2e6ea";
-/// The paper under every picture.
 pub(super) const PAPER: Colour = "#ffffff";
 /// Failures, and the ground on which they stand.
 pub(super) const FAIL: Colour = "#c43c00";
@@ -72,7 +66,6 @@ impl Sheet {
         (sheet, middle + 4.0 - 0.5 * LINE)
     }
 
-    /// The whole picture, with a text for those who cannot see it.
     pub fn finish(self, alt: &str, height: f64) -> String {
         let (alt, body) = (escaped(alt), self.body);
         format!(
@@ -80,18 +73,15 @@ impl Sheet {
         )
     }
 
-    /// An element without content.
     pub fn element(&mut self, tag: &str, attributes: Arguments<'_>) {
         // Writing into memory does not fail.
         let _ = write!(self.body, "<{tag} {attributes}/>");
     }
 
-    /// A line through points.
     pub fn line(&mut self, points: &[Point], colour: Colour, width: f64) {
         self.stroke(points, "", colour, width);
     }
 
-    /// A dashed line.
     pub fn dashed(&mut self, points: &[Point], colour: Colour, width: f64) {
         self.stroke(points, r#" stroke-dasharray="12 9""#, colour, width);
     }
@@ -131,7 +121,6 @@ impl Sheet {
         self.styled_text(text, [x, y], format_args!(r#"transform="{turn}" text-anchor="middle" fill="{colour}""#));
     }
 
-    /// Text with the attributes of SVG.
     pub fn styled_text(&mut self, text: &str, [x, y]: Point, attributes: Arguments<'_>) {
         let (base, text) = (y + 9.0, escaped(text));
         let _ = write!(self.body, r#"<text x="{x:.1}" y="{base:.1}" {attributes}>{text}</text>"#);
@@ -195,7 +184,6 @@ pub(super) fn wrap(text: &str, limit: f64) -> Vec<String> {
     lines.iter().map(|line| clip(line, limit)).collect()
 }
 
-/// Cuts a text that is wider than `limit` pixels.
 pub(super) fn clip(text: &str, limit: f64) -> String {
     if width(text) <= limit {
         return text.to_owned();

@@ -14,8 +14,7 @@ use nalgebra::Vector3;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use std::fmt::Write;
 
-/// An equilibrium as it is written to JSON, with time, positions and velocities as a `final.json` of a state at rest has them. A number that is not
-/// finite becomes `null`.
+/// An equilibrium as it is written to JSON, with time, positions and velocities as in `final.json`; a number that is not finite becomes `null`.
 #[derive(Debug, Clone, Copy)]
 pub struct EquilibriumRecord<'a> {
     /// The name of the scene.
@@ -59,39 +58,30 @@ impl Serialize for EquilibriumRecord<'_> {
 pub fn verdict(found: &Equilibrium) -> String {
     let Signs { negative, zero, .. } = found.inertia;
     let uncounted = if found.counted { "" } else { ", by the lowest eigenvalues found; they were not counted" };
-    let kind = match found.stability {
-        Stability::Stable => "stable: the energy has a minimum here".to_string(),
-        Stability::Indifferent if zero == 1 => "indifferent: 1 motion costs no energy".to_string(),
-        Stability::Indifferent => format!("indifferent: {zero} motions cost no energy"),
-        Stability::Unstable if negative == 1 => "unstable: a saddle of the energy with 1 direction down".to_string(),
-        Stability::Unstable => format!("unstable: a saddle of the energy with {negative} directions down"),
-        Stability::None => {
-            return format!("none: nothing holds particles {} against their load", ranges(&found.falling));
-        }
-        Stability::NotConverged => return "not-converged: forces are left".to_string(),
-    };
-    kind + uncounted
+    let directions = count(negative, "direction");
+    match found.stability {
+        Stability::Stable => format!("stable: the energy has a minimum here{uncounted}"),
+        Stability::Indifferent if zero == 1 => format!("indifferent: 1 motion costs no energy{uncounted}"),
+        Stability::Indifferent => format!("indifferent: {zero} motions cost no energy{uncounted}"),
+        Stability::Unstable => format!("unstable: a saddle of the energy with {directions} down{uncounted}"),
+        Stability::None => format!("none: nothing holds particles {} against their load", ranges(&found.falling)),
+        Stability::NotConverged => "not-converged: forces are left".into(),
+    }
 }
 
 /// An equilibrium in words.
 pub fn equilibrium_text(scene: &str, found: &Equilibrium, path: Option<&LoadPath>) -> String {
-    let verdict = verdict(found);
-    let mut text = format!("{scene}: {verdict}\n");
+    let mut text = format!("{scene}: {}\n", verdict(found));
     let _ = writeln!(text, "  largest force left    {} of the largest that acts", pretty(found.residual));
     if found.stability == Stability::Indifferent {
         let _ = writeln!(text, "  free motions          sprung mechanisms names them");
     }
     let _ = writeln!(text, "  energy                {} J", pretty(found.energy));
-    let _ = writeln!(
-        text,
-        "  work                  {}, {}",
-        count(found.iterations, "Newton step"),
-        if found.counted {
-            count(found.work.factorizations as usize, "factorization")
-        } else {
-            count(found.work.cg_iterations as usize, "iteration") + " of conjugate gradients"
-        }
-    );
+    let solves = match found.counted {
+        true => count(found.work.factorizations, "factorization"),
+        false => count(found.work.cg_iterations, "iteration of conjugate gradients"),
+    };
+    let _ = writeln!(text, "  work                  {}, {solves}", count(found.iterations, "Newton step"));
     for CriticalLoad { factor, kind, .. } in path.iter().flat_map(|path| &path.critical) {
         let _ = writeln!(text, "  critical load         {factor:.9} of the full load: {}", kind.name());
     }
@@ -110,12 +100,9 @@ pub fn ranges(numbers: &[usize]) -> String {
             _ => runs.push([number, number]),
         }
     }
-    let more = runs.len() > 6;
-    let words = runs
-        .iter()
-        .take(6)
-        .map(|[first, last]| if first == last { first.to_string() } else { format!("{first}–{last}") });
-    words.collect::<Vec<_>>().join(", ") + if more { ", …" } else { "" }
+    let range =
+        |&[first, last]: &[usize; 2]| if first == last { first.to_string() } else { format!("{first}–{last}") };
+    list(runs.iter().take(6), range).join(", ") + if runs.len() > 6 { ", …" } else { "" }
 }
 
 /// Normal modes as they are written to JSON; a number that is not finite becomes `null`.
@@ -154,19 +141,21 @@ impl Serialize for ModesRecord<'_> {
     }
 }
 
+/// Parts, motions and springs that are listed.
+const LISTED: usize = 20;
+
 /// Out of balance by more than this a state is no equilibrium.
 const BALANCED: f64 = 1e-6;
 
 /// The parts that move as a whole, and those that hang by one spring, in words.
 fn parts_remarks(found: &Modes) -> Vec<String> {
-    const NAMED: usize = 20;
     let name = |part: &Vec<usize>| if part.len() == 1 { "particle" } else { "particles" };
     let mut remarks = Vec::new();
     if !found.parts.is_empty() {
-        let parts: Vec<String> = found.parts.iter().take(NAMED).map(|part| ranges(part)).collect();
+        let parts: Vec<String> = found.parts.iter().take(LISTED).map(|part| ranges(part)).collect();
         let (verb, more) = match found.parts.len() {
             1 => ("moves", ""),
-            n => ("move", if n > NAMED { "; …" } else { "" }),
+            n => ("move", if n > LISTED { "; …" } else { "" }),
         };
         remarks.push(format!(
             "{} {verb} freely: {} {}{more}",
@@ -175,21 +164,17 @@ fn parts_remarks(found: &Modes) -> Vec<String> {
             parts.join("; ")
         ));
     }
-    for part in found.hanging.iter().take(NAMED) {
+    for part in found.hanging.iter().take(LISTED) {
         let verb = if part.len() == 1 { "hangs" } else { "hang" };
         remarks.push(format!("{} {} {verb} by one spring", name(part), ranges(part)));
     }
-    if found.hanging.len() > NAMED {
-        remarks.push(format!("… and {} more", found.hanging.len() - NAMED));
+    if found.hanging.len() > LISTED {
+        remarks.push(format!("… and {} more", found.hanging.len() - LISTED));
     }
     remarks
 }
 
-/// Parts of all mass, and damping ratios, below which a number in a table is rounding.
-const MASS_ROUNDING: f64 = 1e-12;
-const DAMPING_ROUNDING: f64 = 1e-15;
-
-/// A number in a table; rounding is zero.
+/// A number in a table; below `rounding` it is zero.
 fn scientific(value: f64, rounding: f64) -> String {
     if value.abs() < rounding || value == 0.0 { "0".into() } else { format!("{value:.3e}") }
 }
@@ -199,59 +184,50 @@ pub fn modes_text(scene: &str, at: &str, system: &System, found: &Modes) -> Stri
     let (dimension, mass_in_all) = (system.dimension(), system.masses().iter().sum::<f64>());
     let mut text = format!("{scene}, at {at}: {}\n", count(found.modes.len(), "mode"));
     if found.imbalance > BALANCED {
-        let part = pretty(found.imbalance);
-        let _ = writeln!(
-            text,
-            "  not an equilibrium: {part} of the largest force is not balanced; --at equilibrium finds one"
-        );
+        let what = format!("{} of the largest force is not balanced", pretty(found.imbalance));
+        let _ = writeln!(text, "  not an equilibrium: {what}; --at equilibrium finds one");
     }
     match found.zero_count {
         Some(0) => {}
         Some(zeros) => {
             let others = zeros.saturating_sub(found.rigid_motions);
-            let _ = writeln!(
-                text,
-                "  {}: {}, {}{}",
-                count(zeros, "zero mode"),
-                count(found.rigid_motions, "rigid motion"),
-                count(others, "mechanism"),
-                if found.zero_modes.is_empty() { "; above the modes asked for" } else { "" }
-            );
+            let [all, rigid, others] =
+                [(zeros, "zero mode"), (found.rigid_motions, "rigid motion"), (others, "mechanism")]
+                    .map(|(n, of)| count(n, of));
+            let above = if found.zero_modes.is_empty() { "; above the modes asked for" } else { "" };
+            let _ = writeln!(text, "  {all}: {rigid}, {others}{above}");
         }
         None => text += "  zero modes: not counted; above the modes asked for\n",
     }
     for remark in parts_remarks(found) {
         let _ = writeln!(text, "  {remark}");
     }
-    let axes = ["x", "y", "z"];
     let _ = write!(text, "\n  {:>4} {:>12} {:>12} {:>10}", "mode", "Hz", "period, s", "damping");
-    axes[..dimension].iter().for_each(|axis| {
+    for axis in &["x", "y", "z"][..dimension] {
         let _ = write!(text, " {:>10}", format!("mass {axis}, kg"));
-    });
+    }
     let _ = writeln!(text, " {:>10}", "residual");
     for (number, mode) in found.modes.iter().enumerate() {
         let [frequency, period] = match (mode.frequency(), mode.growth_rate()) {
             (Some(frequency), _) => [format!("{frequency:.6}"), format!("{:.6}", frequency.recip())],
             (None, rate) => ["grows".into(), format!("{:.3e} /s", rate.unwrap_or(f64::NAN))],
         };
-        let damping = mode.damping_ratio.map_or("-".into(), |ratio| scientific(ratio, DAMPING_ROUNDING));
+        let damping = mode.damping_ratio.map_or("-".into(), |ratio| scientific(ratio, 1e-15));
         let _ = write!(text, "  {:>4} {frequency:>12} {period:>12} {damping:>10}", number + 1);
-        mode.effective_mass[..dimension].iter().for_each(|mass| {
-            let _ = write!(text, " {:>10}", scientific(*mass, MASS_ROUNDING * mass_in_all));
-        });
+        for mass in &mode.effective_mass[..dimension] {
+            let _ = write!(text, " {:>10}", scientific(*mass, 1e-12 * mass_in_all));
+        }
         let _ = writeln!(text, " {:>10.1e}", mode.residual / mode.eigenvalue.abs().max(f64::MIN_POSITIVE));
     }
-    let _ = match found.complete {
-        true if found.counted_below == f64::INFINITY => writeln!(text, "\n  complete: no coordinate is free"),
-        true => writeln!(
-            text,
-            "\n  complete: a factorization counts the eigenvalues below {:.6e} 1/s², and none is missing ({})",
-            found.counted_below,
-            if found.proven { "proven" } else { "to rounding" }
+    let certainty = if found.proven { "proven" } else { "to rounding" };
+    let end: String = match (found.complete, found.counted_below) {
+        (false, _) => "\n  not counted: modes may be missing\n".into(),
+        (true, f64::INFINITY) => "\n  complete: no coordinate is free\n".into(),
+        (true, below) => format!(
+            "\n  complete: a factorization counts the eigenvalues below {below:.6e} 1/s², and none is missing ({certainty})\n"
         ),
-        false => writeln!(text, "\n  not counted: modes may be missing"),
     };
-    text
+    text + &end
 }
 
 /// Mechanisms as they are written to JSON: numbers and particles, without the motions. A number that is not finite becomes `null`.
@@ -294,17 +270,15 @@ pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
     };
     let mut text = format!("{scene}: {verdict}\n");
     let [springs, freedoms] = [count(found.springs, "spring"), count(found.degrees_of_freedom, "degree of freedom")];
-    let _ = writeln!(text, "  rank {} of {springs} on {} ({})", found.rank, freedoms, certainty(found));
+    let _ = writeln!(text, "  rank {} of {springs} on {freedoms} ({})", found.rank, certainty(found));
     if found.rank + found.self_stresses > found.springs {
         text += "  springs of zero length resist in every direction: each counts as one for every axis\n";
     }
     let _ = writeln!(text, "  {}", self_stresses(found));
     if !found.decided {
         let [kept, dropped] = found.gap.map(pretty);
-        let _ = writeln!(
-            text,
-            "  undecided: singular values of {kept} and {dropped} are too close to the limit of rounding"
-        );
+        let what = format!("singular values of {kept} and {dropped}");
+        let _ = writeln!(text, "  undecided: {what} are too close to the limit of rounding");
     }
     match found.prestress_stable {
         Some(true) => _ = writeln!(text, "  prestress stiffens {}", all(others)),
@@ -315,18 +289,18 @@ pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
         text +=
             "  so many mechanisms are only counted: which particles move, and what prestress does, is not computed\n";
     }
-    for movers in found.movers.iter().take(20) {
+    for movers in found.movers.iter().take(LISTED) {
         let particles = if movers.len() == 1 { "particle" } else { "particles" };
         let _ = writeln!(text, "  moves: {particles} {}", ranges(movers));
     }
-    if found.movers.len() > 20 {
-        let _ = writeln!(text, "  … and {} more", found.movers.len() - 20);
+    if found.movers.len() > LISTED {
+        let _ = writeln!(text, "  … and {} more", found.movers.len() - LISTED);
     }
     if !found.added_springs.is_empty() {
         let added = found.added_springs.len();
-        let pairs: Vec<String> = found.added_springs.iter().take(20).map(|[i, j]| format!("{i}–{j}")).collect();
-        let springs =
-            format!("{} between {}{}", count(added, "spring"), pairs.join(", "), if added > 20 { ", …" } else { "" });
+        let pairs = list(found.added_springs.iter().take(LISTED), |[i, j]| format!("{i}–{j}")).join(", ");
+        let more = if added > LISTED { ", …" } else { "" };
+        let springs = format!("{} between {pairs}{more}", count(added, "spring"));
         // Each takes one away.
         let _ = match others.saturating_sub(added) {
             0 => writeln!(text, "  removed by {springs}: the fewest that do"),

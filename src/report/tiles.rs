@@ -5,8 +5,7 @@ use super::sheet::{CLASSES, Colour, INK, PAPER, Point, Sample, Sheet};
 use crate::figure::Tiles;
 use std::collections::BTreeSet;
 
-/// Draws a field as one SVG element, 800 pixels wide, that can stand in a page or alone in a file. The legend names the
-/// classes that occur.
+/// Draws a field as one SVG element, 800 pixels wide, that can stand in a page or alone in a file. The legend names the classes that occur.
 pub fn svg(tiles: &Tiles) -> String {
     let [columns, rows] = [&tiles.columns, &tiles.rows].map(|centres| edges(centres));
     let x = ScaledAxis::new(tiles.x.scale, columns.iter().copied(), &[], 0.0);

@@ -177,7 +177,7 @@ impl Claim {
 ///
 /// `value` is measured, never assumed, and grows with the error; `bound` comes from an analysis of rounding or
 /// truncation, which `why` names. A requirement from below is turned into a distance from the expected value.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Check {
     /// The claim that the check supports.
     pub claim: Claim,
@@ -303,7 +303,7 @@ pub(super) enum Unfinished {
 }
 
 /// The outcome of a suite: its checks, in the order in which they ran.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Results {
     /// The checks that were made.
     pub checks: Vec<Check>,

@@ -65,11 +65,17 @@ fn ratios_are_geometric_means_over_what_both_solve() {
 /// Costs of 2 and 3, 4 and 2, and a failure: the first is best once and within 2 twice, the second once and within 1.5 twice.
 #[test]
 fn profiles_are_parts_within_a_factor_of_the_best() {
-    let costs = [vec![2.0, 3.0], vec![4.0, 2.0], vec![f64::INFINITY, f64::INFINITY]];
-    let [first, second]: [Vec<(f64, f64)>; 2] = performance_profiles(&costs, &[1.0, 1.5, 2.0]).try_into().unwrap();
-    let third = 1.0 / 3.0;
-    assert_eq!(first, [(1.0, third), (1.5, third), (2.0, 2.0 * third)]);
-    assert_eq!(second, [(1.0, third), (1.5, 2.0 * third), (2.0, 2.0 * third)]);
+    let solved = [[Some(2), Some(3)], [Some(4), Some(2)], [None, None]];
+    let all = solved.map(|costs| {
+        let mut solves = costs.map(|cost| solve("", 1, cost.unwrap_or(1), cost.map(|_| 0.0))).to_vec();
+        solves.resize(StiffnessPolicy::ALL.len(), solve("", 1, 1, None));
+        solves
+    });
+    let series = profile_figure(&all.each_ref().map(Vec::as_slice)).series;
+    // τ = 1, 2^(1/2), 2^(3/4) and 2.
+    let parts = |policy: usize| [0, 2, 3, 4].map(|quarter| 3.0 * series[policy].points[quarter].1);
+    assert_eq!([parts(0), parts(1)], [[1.0, 1.0, 1.0, 2.0], [1.0, 1.0, 2.0, 2.0]]);
+    assert!(profile_figure(&[]).series.is_empty());
 }
 
 /// Beyond the critical step `full` is refused. Both policies end in a minimum, except in long steps in which no option arrives, and these say so.

@@ -3,7 +3,9 @@
 use super::{
     InspectionReport, KEPT, estimated, known, left_out, limit, listed, lost, other_methods, scope, smallness, turning,
 };
-use crate::inspect::{Culprit, FirstLosses, InertiaMethod, Inspection, LargestStep, OptionInspection, Part, Pictures};
+use crate::inspect::{
+    Culprit, FirstLosses, Inertia, InertiaMethod, Inspection, LargestStep, OptionInspection, Part, Pictures,
+};
 use crate::report::number::{count, pretty, typeset};
 use crate::report::page::{self, Column, Row};
 use crate::report::{drawing, plot, spy};
@@ -46,32 +48,24 @@ impl InspectionReport<'_> {
 }
 
 fn banner(inspection: &Inspection) -> Markup {
+    const PROOF: &str = "A direction of negative curvature proves it; the signs of the eigenvalues were not counted.";
+    const DOUBT: &str = "No direction of negative curvature was found, which is no proof.";
     let inertia = &inspection.examined().inertia;
     let certainty = match inertia.proven {
         true => "A bound of all rounding errors proves the signs that were counted.",
         false => "The counts hold up to rounding, which was measured and not bounded.",
     };
-    let counts = typeset(&format!(
-        "{} negative, {} zero and {} positive eigenvalues, from {} to {} N/m. {certainty}",
-        inertia.negative,
-        inertia.zero,
-        inertia.positive,
-        known(inspection.examined().smallest, pretty),
-        known(inspection.examined().largest, pretty)
-    ));
+    let OptionInspection { smallest, largest, .. } = inspection.examined();
+    let [from, to] = [smallest, largest].map(|value| known(*value, pretty));
+    let Inertia { negative, zero, positive, .. } = inertia;
+    let signs = format!("{negative} negative, {zero} zero and {positive} positive eigenvalues");
+    let counts = typeset(&format!("{signs}, from {from} to {to} N/m. {certainty}"));
     let (class, title, text) = if inertia.negative + inertia.zero + inertia.positive == 0 {
         ("banner", "No coordinate is free", "A has no rows, and there is nothing to inspect.".into())
     } else if inspection.lacks(Part::Signs(inspection.option)) {
         match &inspection.first {
-            Some(first) if !first.definite => {
-                let proof =
-                    "A direction of negative curvature proves it; the signs of the eigenvalues were not counted.";
-                ("banner failed", "✗ A is indefinite", proof.into())
-            }
-            Some(_) => {
-                let doubt = "No direction of negative curvature was found, which is no proof.";
-                ("banner", "A is positive definite as far as is seen", doubt.into())
-            }
+            Some(first) if !first.definite => ("banner failed", "✗ A is indefinite", PROOF.into()),
+            Some(_) => ("banner", "A is positive definite as far as is seen", DOUBT.into()),
             None => ("banner", "Interrupted", "Nothing is known of A.".into()),
         }
     } else {
@@ -138,7 +132,6 @@ fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictu
     }
 }
 
-/// The caption of the curves of λ_min.
 fn curves(inspection: &Inspection) -> String {
     let known = inspection.options.iter().filter(|option| option.critical != LargestStep::Unknown);
     let sentences = known.map(|option| match (option.option.name(), option.critical.dt()) {
@@ -149,7 +142,6 @@ fn curves(inspection: &Inspection) -> String {
     format!("The lowest eigenvalue in units of m/dt², drawn no further than −1 and 3: {sentences}.")
 }
 
-/// The heading of the section on springs.
 fn heading(inspection: &Inspection) -> &'static str {
     match inspection.directions.first() {
         Some(lowest) if lowest.culprits.is_empty() => "No spring spoils it",
@@ -229,9 +221,8 @@ fn table(culprits: &[Culprit]) -> Markup {
         let cells = [culprit.spring.to_string(), format!("{i}–{j}")].into_iter().chain(numbers);
         Row::Cells(cells.map(|cell| html! { (cell) }).collect())
     };
-    let name = "Springs with negative curvature, worst first";
     html! {
-        (page::table(name, "full tight", &columns, culprits.iter().take(ROWS).map(row)))
+        (page::table("Springs with negative curvature, worst first", "full tight", &columns, culprits.iter().take(ROWS).map(row)))
         p.quiet {
             @if culprits.len() > ROWS { "And " (culprits.len() - ROWS) " more. " }
             "share: of the negative curvature uᵀ(−K)u along the arrows u; above 1 where other springs resist. without it: what uᵀAu \

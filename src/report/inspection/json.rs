@@ -38,10 +38,7 @@ impl Serialize for InspectionReport<'_> {
         if let Some(losses) = losses {
             if let Some(loss) = &losses.definite {
                 let first_loss = json!({
-                    "step": loss.step,
-                    "time": loss.time,
-                    "stiffness": loss.option.name(),
-                    "negative": loss.negative,
+                    "step": loss.step, "time": loss.time, "stiffness": loss.option.name(), "negative": loss.negative,
                     "culprits": list(&loss.culprits, culprit),
                 });
                 map.serialize_entry("first_loss", &first_loss)?;
@@ -52,7 +49,6 @@ impl Serialize for InspectionReport<'_> {
     }
 }
 
-/// The options by name, in their order.
 struct Options<'a>(&'a [OptionInspection]);
 
 impl Serialize for Options<'_> {
@@ -91,38 +87,28 @@ fn serialize_option<M: SerializeMap>(map: &mut M, option: &OptionInspection, def
 }
 
 fn direction(direction: &Direction) -> Value {
-    let movers = direction.movers.iter().map(|mover| {
+    let movers = list(&direction.movers, |mover| {
         let displacement: [f64; 3] = mover.displacement.into();
         json!({ "particle": mover.particle, "displacement": displacement })
     });
     json!({
-        "eigenvalue": direction.eigenvalue,
-        "stiffness_curvature": direction.stiffness_curvature,
-        "culprits": list(&direction.culprits, culprit),
-        "particles": movers.collect::<Vec<_>>(),
+        "eigenvalue": direction.eigenvalue, "stiffness_curvature": direction.stiffness_curvature,
+        "culprits": list(&direction.culprits, culprit), "particles": movers,
     })
 }
 
 fn cluster(cluster: &Cluster) -> Value {
-    json!({
-        "springs": cluster.springs,
-        "particles": cluster.particles,
-        "eigenvalue": cluster.eigenvalue,
-        "strain": cluster.strain,
-    })
+    let Cluster { springs, particles, eigenvalue, strain, .. } = cluster;
+    json!({ "springs": springs, "particles": particles, "eigenvalue": eigenvalue, "strain": strain })
 }
 
 fn smallest_set(set: &DropSet) -> Value {
-    let minimality = match set.minimality {
+    let DropSet { springs, at_least, tension, minimality } = set;
+    let minimality = match minimality {
         Minimality::Irredundant => "irredundant",
         Minimality::Enough => "enough",
     };
-    json!({
-        "springs": set.springs,
-        "minimality": minimality,
-        "at_least": set.at_least,
-        "tension_drops": set.tension,
-    })
+    json!({ "springs": springs, "minimality": minimality, "at_least": at_least, "tension_drops": tension })
 }
 
 fn left_out(skipped: &Skipped) -> Value {
@@ -154,25 +140,17 @@ fn first_lost(losses: &FirstLosses) -> Value {
 }
 
 fn culprit(culprit: &Culprit) -> Value {
+    let Culprit { spring, particles, strain, share, curvature, relieved, .. } = culprit;
     json!({
-        "spring": culprit.spring,
-        "particles": culprit.particles,
-        "strain": culprit.strain,
-        "share": culprit.share,
-        "curvature": culprit.curvature,
-        "without_transverse": culprit.relieved,
+        "spring": spring, "particles": particles, "strain": strain, "share": share, "curvature": curvature,
+        "without_transverse": relieved,
     })
 }
 
-/// The spring that a step turns worst: by an angle in rad, stretched by a part of its rest length, with the part of its turning that it
-/// loses in a turn by one radian.
 fn turn(turn: &Turn) -> Value {
+    let Turn { spring, particles, angle, stretch, .. } = turn;
+    let (braked, too_far) = (turn.braked(), turn.excess() > 1.0);
     json!({
-        "spring": turn.spring,
-        "particles": turn.particles,
-        "angle": turn.angle,
-        "stretch": turn.stretch,
-        "braked": turn.braked(),
-        "too_far": turn.excess() > 1.0,
+        "spring": spring, "particles": particles, "angle": angle, "stretch": stretch, "braked": braked, "too_far": too_far,
     })
 }

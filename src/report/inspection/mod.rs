@@ -7,6 +7,7 @@ mod text;
 pub use html::pictures;
 pub use text::first_answer;
 
+use super::list;
 use super::number::{count, plain};
 use crate::inspect::{Culprit, DropSet, FirstLosses, Inspection, LargestStep, Minimality, Part, SkipReason, Turn};
 use crate::integrate::Method;
@@ -30,10 +31,8 @@ pub struct InspectionReport<'a> {
 /// Writes a number for a terminal or for a page.
 type Form = fn(f64) -> String;
 
-/// In the place of what was not looked at.
 const UNKNOWN: &str = "not looked at";
 
-/// A sentence on a run that lost nothing.
 const KEPT: &str = "A was definite, the step stable, no spring was turned too far, and no energy came from nowhere";
 
 /// The parts that were left out, by reason; empty where nothing was.
@@ -43,7 +42,7 @@ fn left_out(inspection: &Inspection) -> Vec<String> {
         (SkipReason::TooMuchMemory, "for the memory that a factor of A takes"),
         (SkipReason::Interrupted, "as the inspection was interrupted"),
     ];
-    let sentence = |(why, because): (SkipReason, &str)| {
+    let sentence = |(why, because)| {
         let parts: Vec<String> = inspection.skipped_for(why).map(part).collect();
         (!parts.is_empty()).then(|| format!("{}: {because}", parts.join(", ")))
     };
@@ -81,11 +80,9 @@ fn part(part: Part) -> String {
     }
 }
 
-/// The first numbers of a list, and how many more there are.
 fn listed(numbers: &[usize], most: usize) -> String {
-    let shown: Vec<String> = numbers.iter().take(most).map(usize::to_string).collect();
-    let rest = if numbers.len() > most { format!(" and {} more", numbers.len() - most) } else { String::new() };
-    shown.join(", ") + &rest
+    let shown = list(numbers.iter().take(most), usize::to_string).join(", ");
+    if numbers.len() > most { format!("{shown} and {} more", numbers.len() - most) } else { shown }
 }
 
 fn known(value: f64, form: Form) -> String {
@@ -106,11 +103,11 @@ fn scope() -> String {
 
 /// The methods whose limit of definiteness is another one: those whose matrix is that of a part of the step.
 fn other_methods(inspection: &Inspection, form: Form) -> Option<String> {
-    let limits = inspection.options.iter().filter_map(|option| option.critical.dt());
     let others = Method::ALL.iter().filter(|method| method.is_implicit() && method.matrix_dt(1.0) != 1.0);
-    let factors: Vec<String> =
-        others.map(|method| format!("{} under {}", form(1.0 / method.matrix_dt(1.0)), method.name())).collect();
-    (limits.count() > 0).then(|| format!("A stays definite for longer steps by a factor of {}", factors.join(", ")))
+    let factor = |method: &Method| format!("{} under {}", form(1.0 / method.matrix_dt(1.0)), method.name());
+    let factors = list(others, factor).join(", ");
+    let has_limit = inspection.options.iter().any(|option| option.critical.dt().is_some());
+    has_limit.then(|| format!("A stays definite for longer steps by a factor of {factors}"))
 }
 
 /// The spring that a step turns worst, how far and with which stretch; and the rotation that this removes.
@@ -127,7 +124,6 @@ fn turning(turn: &Turn, form: Form) -> [String; 2] {
     ]
 }
 
-/// The size of a set of terms to drop, and how small it could be.
 fn smallness(set: &DropSet) -> String {
     let fewer = match set.at_least {
         _ if set.is_smallest() => return "are enough, and no fewer are".into(),
@@ -144,8 +140,8 @@ fn smallness(set: &DropSet) -> String {
 fn lost(losses: &FirstLosses, form: Form) -> Vec<(&'static str, String)> {
     let mut all: Vec<(u64, f64, &'static str, String)> = Vec::new();
     if let Some(loss) = &losses.definite {
-        let worst: Vec<String> = loss.culprits.iter().take(3).map(|culprit| culprit.spring.to_string()).collect();
-        let springs = if worst.is_empty() { String::new() } else { format!("; worst springs {}", worst.join(", ")) };
+        let worst = list(loss.culprits.iter().take(3), |culprit| culprit.spring.to_string()).join(", ");
+        let springs = if worst.is_empty() { String::new() } else { format!("; worst springs {worst}") };
         let pivots = count(loss.negative, "negative pivot");
         all.push((loss.step, loss.time, "definite", format!("{pivots} under {}{springs}", loss.option.name())));
     }
@@ -177,17 +173,14 @@ pub fn explain(inspection: &Inspection, step: f64) -> (Vec<String>, Option<Strin
     if inspection.examined().inertia.is_definite() {
         return (vec![blame(inspection)], None);
     }
-    let dt = plain(step);
     let limit = match inspection.examined().critical {
-        LargestStep::Unknown => {
-            format!("how large a step would keep A positive definite was not looked for (it was {dt} s)")
-        }
-        LargestStep::Every => format!("at this state A is positive definite for every dt (it was {dt} s)"),
-        LargestStep::UpTo { dt: critical, .. } => {
-            let critical = plain(critical * step / inspection.dt);
-            format!("at this state A is positive definite up to dt = {critical} s (it was {dt} s)")
+        LargestStep::Unknown => "how large a step would keep A positive definite was not looked for".into(),
+        LargestStep::Every => "at this state A is positive definite for every dt".into(),
+        LargestStep::UpTo { dt, .. } => {
+            format!("at this state A is positive definite up to dt = {} s", plain(dt * step / inspection.dt))
         }
     };
+    let limit = format!("{limit} (it was {} s)", plain(step));
     let drops = match &inspection.smallest_set {
         Some(set) if set.springs.len() < set.tension => {
             format!(" ({} of the {} transverse terms that tension drops are enough)", set.springs.len(), set.tension)
@@ -202,20 +195,19 @@ fn blame(inspection: &Inspection) -> String {
     let inertia = &inspection.examined().inertia;
     let culprits = inspection.directions.first().map_or(&[][..], |lowest| &lowest.culprits);
     if inertia.is_definite() || culprits.is_empty() {
-        return format!(
-            "A is positive definite at the start of the step, with {} compressed: that was lost on the way, or its smallest eigenvalues are rounding",
-            count(inspection.compressed_springs, "spring")
-        );
+        let compressed = count(inspection.compressed_springs, "spring");
+        let cause = "that was lost on the way, or its smallest eigenvalues are rounding";
+        return format!("A is positive definite at the start of the step, with {compressed} compressed: {cause}");
     }
     let name = |culprit: &Culprit| {
         let Culprit { spring, particles: [i, j], strain, share, .. } = culprit;
         format!("spring {spring} ({i}–{j}, {} % compressed, {:.0} % of it)", plain(-100.0 * strain), 100.0 * share)
     };
-    let named: Vec<String> = culprits.iter().take(3).map(name).collect();
-    let more = match culprits.len() - named.len() {
+    let named = list(culprits.iter().take(3), name).join(", ");
+    let more = match culprits.len().saturating_sub(3) {
         0 => String::new(),
         more => format!(" and {}", count(more, "other")),
     };
     let directions = count(inertia.negative, "direction");
-    format!("A curves downwards in {directions}; along the worst because of {}{more}", named.join(", "))
+    format!("A curves downwards in {directions}; along the worst because of {named}{more}")
 }

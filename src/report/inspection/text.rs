@@ -4,7 +4,8 @@ use super::{
     InspectionReport, KEPT, UNKNOWN, estimated, known, left_out, limit, listed, lost, other_methods, scope, smallness,
     turning,
 };
-use crate::inspect::{Culprit, Direction, Inspection, Part};
+use crate::inspect::{Cluster, Culprit, Direction, Inertia, Inspection, Part};
+use crate::report::list;
 use crate::report::number::{compact, count, plain};
 
 /// Culprits, directions, clusters and springs of a set that are listed.
@@ -35,25 +36,18 @@ impl InspectionReport<'_> {
         if inertia.negative + inertia.zero + inertia.positive == 0 {
             return format!("{scene}{at}: no coordinate is free, so A has no rows, and there is nothing to inspect");
         }
-        let mut lines =
-            vec![format!("{scene}{at}: A is {verdict} (stiffness {}, dt = {} s)", option.name(), compact(*dt))];
+        let (name, dt) = (option.name(), compact(*dt));
+        let mut lines = vec![format!("{scene}{at}: A is {verdict} (stiffness {name}, dt = {dt} s)")];
         let is_counted = !inspection.lacks(Part::Signs(*option));
+        let certainty = if inertia.proven { "proven" } else { "to rounding" };
+        let Inertia { negative, zero, positive, .. } = inertia;
         let signs = match is_counted {
             false => "signs not counted".to_owned(),
-            true => {
-                let certainty = if inertia.proven { "proven" } else { "to rounding" };
-                format!(
-                    "{} negative, {} zero, {} positive ({certainty})",
-                    inertia.negative, inertia.zero, inertia.positive
-                )
-            }
+            true => format!("{negative} negative, {zero} zero, {positive} positive ({certainty})"),
         };
-        lines.push(format!(
-            "  eigenvalues  {signs}; from {} to {} N/m, condition {}",
-            known(examined.smallest, plain),
-            known(examined.largest, plain),
-            known(examined.condition, plain),
-        ));
+        let [from, to, condition] =
+            [examined.smallest, examined.largest, examined.condition].map(|value| known(value, plain));
+        lines.push(format!("  eigenvalues  {signs}; from {from} to {to} N/m, condition {condition}"));
         if is_counted && inertia.negative == 0 && inertia.zero > 0 {
             lines.push("  singular     sprung mechanisms names the motions that stretch no spring".into());
         }
@@ -90,54 +84,36 @@ impl InspectionReport<'_> {
         }
         let negative: Vec<&Direction> = inspection.directions.iter().filter(|d| d.eigenvalue < 0.0).collect();
         if negative.len() > 1 {
-            let all = match inspection.lacks(Part::Signs(*option)) {
-                true => format!("at least {}", negative.len()),
-                false => inertia.negative.to_string(),
-            };
+            let all = if is_counted { inertia.negative.to_string() } else { format!("at least {}", negative.len()) };
             lines.push(format!("  directions   {} of {all} examined:", negative.len()));
             for direction in negative.iter().take(LISTED) {
-                let worst: Vec<String> = direction.culprits.iter().take(3).map(|c| c.spring.to_string()).collect();
-                let moving: Vec<String> = direction.movers.iter().take(3).map(|m| m.particle.to_string()).collect();
+                let worst = list(direction.culprits.iter().take(3), |culprit| culprit.spring.to_string()).join(", ");
+                let moving = list(direction.movers.iter().take(3), |mover| mover.particle.to_string()).join(", ");
                 let value = plain(direction.eigenvalue);
-                lines.push(format!(
-                    "    λ = {value} N/m: springs {}; moves particles {}",
-                    worst.join(", "),
-                    moving.join(", ")
-                ));
+                lines.push(format!("    λ = {value} N/m: springs {worst}; moves particles {moving}"));
             }
             lines.extend(more(negative.len()));
         }
         if !inspection.clusters.is_empty() {
-            lines.push(format!("  clusters     {}:", count(inspection.clusters.len(), "group") + " of culprits"));
-            for cluster in inspection.clusters.iter().take(LISTED) {
-                let what = format!(
-                    "{} on {}",
-                    count(cluster.springs.len(), "spring"),
-                    count(cluster.particles.len(), "particle")
-                );
-                lines.push(format!(
-                    "    {what}, strain down to {}: {}",
-                    plain(cluster.strain),
-                    listed(&cluster.springs, LISTED)
-                ));
+            lines.push(format!("  clusters     {}:", count(inspection.clusters.len(), "group of culprits")));
+            for Cluster { springs, particles, strain, .. } in inspection.clusters.iter().take(LISTED) {
+                let [all, on] = [count(springs.len(), "spring"), count(particles.len(), "particle")];
+                let (strain, names) = (plain(*strain), listed(springs, LISTED));
+                lines.push(format!("    {all} on {on}, strain down to {strain}: {names}"));
             }
             lines.extend(more(inspection.clusters.len()));
         }
         if let Some(set) = &inspection.smallest_set {
-            let terms = count(set.springs.len(), "transverse term");
-            let how = smallness(set);
-            lines.push(format!(
-                "  drop         {terms} {how} (tension drops {}): {}",
-                set.tension,
-                listed(&set.springs, LISTED)
-            ));
+            let (terms, how) = (count(set.springs.len(), "transverse term"), smallness(set));
+            let (all, names) = (set.tension, listed(&set.springs, LISTED));
+            lines.push(format!("  drop         {terms} {how} (tension drops {all}): {names}"));
         }
         lines.extend(estimated(inspection, plain).map(|what| format!("  estimated    {what}")));
         lines.extend(left_out(inspection).into_iter().map(|what| format!("  left out     {what}")));
         if let Some(losses) = losses {
             let lost = lost(losses, plain);
             if lost.is_empty() {
-                lines.push(format!("  kept         on the way {}", KEPT));
+                lines.push(format!("  kept         on the way {KEPT}"));
             }
             for (k, (what, how)) in lost.iter().enumerate() {
                 let heading = if k == 0 { "first lost" } else { "" };
@@ -153,14 +129,13 @@ pub fn first_answer(inspection: &Inspection) -> Option<String> {
     let Inspection { dt, option, first, .. } = inspection;
     let first = first.as_ref()?;
     let curvature = plain(first.direction.eigenvalue);
+    let certainty = match first.is_proven {
+        false => " as far as is seen, which is no proof",
+        true if inspection.estimated.is_empty() => ", as a factorization proves",
+        true => ", as springs and masses prove",
+    };
     let what = match first.definite {
-        true if !first.is_proven => {
-            format!("positive definite as far as is seen, which is no proof; λ_min is {curvature} N/m or less")
-        }
-        true if inspection.estimated.is_empty() => {
-            format!("positive definite, as a factorization proves; λ_min is {curvature} N/m or less")
-        }
-        true => format!("positive definite, as springs and masses prove; λ_min is {curvature} N/m or less"),
+        true => format!("positive definite{certainty}; λ_min is {curvature} N/m or less"),
         false => format!("INDEFINITE, as a direction u with uᵀAu = {curvature} N/m proves"),
     };
     let worst = first.worst().map(|Culprit { spring, particles: [i, j], strain, share, .. }| {
@@ -194,16 +169,13 @@ fn culprits(lowest: &Direction) -> Vec<String> {
             (true, true) => ", enough",
             (true, false) => ", not enough alone",
         };
-        lines.push(format!(
-            "    spring {spring} ({i}–{j}): strain {}, share {}; without its transverse term uᵀAu = {} N/m{enough}",
-            plain(*strain),
-            plain(*share),
-            plain(*relieved),
-        ));
+        let [strain, share, relieved] = [strain, share, relieved].map(|value| plain(*value));
+        let without = format!("without its transverse term uᵀAu = {relieved} N/m{enough}");
+        lines.push(format!("    spring {spring} ({i}–{j}): strain {strain}, share {share}; {without}"));
     }
     lines.extend(more(lowest.culprits.len()));
-    let moving: Vec<String> = lowest.movers.iter().take(LISTED).map(|m| m.particle.to_string()).collect();
-    lines.push(format!("    moves most: particles {}", moving.join(", ")));
+    let moving = list(lowest.movers.iter().take(LISTED), |mover| mover.particle.to_string()).join(", ");
+    lines.push(format!("    moves most: particles {moving}"));
     lines
 }
 

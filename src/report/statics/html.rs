@@ -5,6 +5,7 @@ use crate::equilibrium::{CriticalLoad, Equilibrium, LoadPath, Stability};
 use crate::figure::{Animation, Axis, Guide, Plot, SceneTopology, Series, Track};
 use crate::mechanisms::Mechanisms;
 use crate::modes::{Mode, Modes};
+use crate::report::list;
 use crate::report::number::{count, pretty};
 use crate::report::view::{Motion, Motions};
 use crate::system::System;
@@ -44,15 +45,12 @@ pub fn mode_motions(scene: &str, at: &str, system: &System, found: &Modes) -> Mo
     let zeros = found.zero_modes.iter().enumerate().map(|(k, mode)| motion(format!("zero {}", k + 1), mode, true));
     let others = found.modes.iter().enumerate().map(|(k, mode)| motion(format!("mode {}", k + 1), mode, false));
     let first = if found.modes.is_empty() { 0 } else { found.zero_modes.len() };
-    let mut facts = vec![format!(
-        "At {at}: {} and {}.",
-        match (found.zero_count, found.zero_modes.len()) {
-            (None, _) => "zero modes that were not counted".into(),
-            (Some(zeros), shown) if shown < zeros => count(zeros, "zero mode") + ", above the modes asked for,",
-            (Some(zeros), _) => count(zeros, "zero mode"),
-        },
-        count(found.modes.len(), "mode")
-    )];
+    let zero_modes = match (found.zero_count, found.zero_modes.len()) {
+        (None, _) => "zero modes that were not counted".into(),
+        (Some(zeros), shown) if shown < zeros => count(zeros, "zero mode") + ", above the modes asked for,",
+        (Some(zeros), _) => count(zeros, "zero mode"),
+    };
+    let mut facts = vec![format!("At {at}: {zero_modes} and {}.", count(found.modes.len(), "mode"))];
     let remarks = parts_remarks(found);
     if !remarks.is_empty() {
         facts.push(format!("By parts: {}.", remarks.join("; ")));
@@ -90,19 +88,14 @@ pub fn mechanism_motions(scene: &str, found: &Mechanisms) -> Motions {
     };
     let motions = found.motions.iter().zip(&found.movers).enumerate().map(motion).collect();
     let others = found.mechanisms.saturating_sub(found.rigid_motions);
+    let [mechanisms, rigid] = [count(others, "mechanism"), count(found.rigid_motions, "rigid motion")];
     let mut facts = vec![
-        format!(
-            "{} beside {}; {}.",
-            count(others, "mechanism"),
-            count(found.rigid_motions, "rigid motion"),
-            self_stresses(found)
-        ),
+        format!("{mechanisms} beside {rigid}; {}.", self_stresses(found)),
         "Small motions stretch no spring. Drawn large they are straight, and stretch springs that turn.".into(),
     ];
-    match found.prestress_stable {
-        Some(true) => facts.push(format!("Prestress stiffens {}.", all(others))),
-        Some(false) => facts.push(format!("Prestress does not stiffen {}.", all(others))),
-        None => {}
+    if let Some(is_stable) = found.prestress_stable {
+        let stiffens = if is_stable { "stiffens" } else { "does not stiffen" };
+        facts.push(format!("Prestress {stiffens} {}.", all(others)));
     }
     let mut warnings = Vec::new();
     if !found.decided {
@@ -123,11 +116,10 @@ pub fn buckling_motions(scene: &str, system: &System, path: &LoadPath) -> Motion
         let remark = format!("{} at {} of the full load", critical.kind.name(), pretty(critical.factor));
         Motion { name: critical.kind.name().into(), cells: vec![pretty(critical.factor)], remark, shape }
     };
+    let fact = "The direction in which −K is singular at the first critical load, about the equilibrium there.";
     Motions {
         title: format!("Buckling of {scene}"),
-        facts: vec![
-            "The direction in which −K is singular at the first critical load, about the equilibrium there.".into(),
-        ],
+        facts: vec![fact.into()],
         warnings: Vec::new(),
         columns: vec!["load".into()],
         motions: path.critical.first().map(motion).into_iter().collect(),
@@ -138,11 +130,9 @@ pub fn buckling_motions(scene: &str, system: &System, path: &LoadPath) -> Motion
 /// The largest displacement from the first equilibrium of a path, for each of its equilibria.
 fn displacements(path: &LoadPath) -> Vec<f64> {
     let start = path.steps.first().map(|(_, first)| first.state.positions.as_slice()).unwrap_or_default();
-    let distance = |found: &Equilibrium| {
-        let distances = found.state.positions.iter().zip(start).map(|(x, x0)| (x - x0).norm());
-        distances.fold(0.0, f64::max)
-    };
-    path.steps.iter().map(|(_, found)| distance(found)).collect()
+    list(&path.steps, |(_, found)| {
+        found.state.positions.iter().zip(start).map(|(x, x0)| (x - x0).norm()).fold(0.0, f64::max)
+    })
 }
 
 /// Displacements over the load, with the critical loads.
@@ -159,43 +149,35 @@ pub fn load_path_plot(scene: &str, path: &LoadPath) -> Plot {
     if !unstable.is_empty() {
         plot = plot.with_series(Series::scatter("unstable, or not found", unstable));
     }
-    for critical in &path.critical {
-        let label = format!("{} at {}", critical.kind.name(), pretty(critical.factor));
-        plot = plot.with_guide(Guide::Vertical { x: critical.factor, label });
+    let critical = path.critical.iter().map(|critical| (critical.kind.name(), critical.factor));
+    let linear = path.linear_buckling.filter(|factor| *factor <= 2.0);
+    for (name, x) in critical.chain(linear.map(|factor| ("linear buckling, an estimate,", factor))) {
+        plot = plot.with_guide(Guide::Vertical { x, label: format!("{name} at {}", pretty(x)) });
     }
-    match path.linear_buckling {
-        Some(factor) if factor <= 2.0 => {
-            let label = format!("linear buckling, an estimate, at {}", pretty(factor));
-            plot.with_guide(Guide::Vertical { x: factor, label })
-        }
-        _ => plot,
-    }
+    plot
 }
 
 /// The equilibria of a path as frames over the load.
 pub fn load_path_animation(scene: &str, topology: SceneTopology, path: &LoadPath) -> Animation {
     let mut animation = Animation::new(scene, topology);
     animation.clock = ["load", ""];
-    animation.remarks = vec![format!(
-        "{} under rising load",
-        count(path.steps.len(), "equilibrium").replace("equilibriums", "equilibria")
-    )];
+    let equilibria = count(path.steps.len(), "equilibrium").replace("equilibriums", "equilibria");
+    animation.remarks = vec![format!("{equilibria} under rising load")];
     for critical in &path.critical {
         animation.remarks.push(format!("{} at {} of the full load", critical.kind.name(), pretty(critical.factor)));
     }
     for (factor, found) in &path.steps {
         animation.push(*factor, &found.state.positions);
     }
-    let times: Vec<f64> = path.steps.iter().map(|(factor, _)| *factor).collect();
     let track = |title: &str, unit: &str, values: Vec<f64>| Track {
         title: title.into(),
         unit: unit.into(),
-        times: times.clone(),
+        times: animation.times.clone(),
         curves: vec![(title.into(), values)],
     };
     animation.tracks = vec![
         track("largest displacement", "m", displacements(path)),
-        track("energy", "J", path.steps.iter().map(|(_, found)| found.energy).collect()),
+        track("energy", "J", list(&path.steps, |(_, found)| found.energy)),
     ];
     animation
 }

@@ -1,16 +1,14 @@
 //! An animation as its page carries it: a few facts in JSON, and one compressed block of bytes.
 //!
-//! Positions are kept as whole multiples of one length h along all axes, `x = origin + h q` with q from 0 to 65535: h is the
-//! scene's largest extent over 65535, and a coordinate is wrong by at most h/2. Strains would be lost in that where springs are
-//! short against the scene, so they are kept beside it: `s = s_max q|q|/n²` with n = 127 or 32767 levels, which is wrong by at
-//! most `s_max (1/n + 1/(4n²))` and by much less for small strains.
+//! Positions are whole multiples of one length h, the scene's largest extent over 65535: `x = origin + h q`, wrong by at most h/2. Strains would be
+//! lost in that where springs are short: they are kept beside it, `s = s_max q|q|/n²` with n = 127 or 32767, wrong by at most `s_max (1/n + 1/(4n²))`.
 //!
-//! Every whole number is predicted from the frames before, as the last one (order 1) or along the line through the last two (order 2),
-//! and only the remainder is kept, modulo 2⁸ or 2¹⁶, folded so that small remainders of both signs are small numbers
-//! (0, −1, 1, −2, … become 0, 1, 2, 3, …). Low and high bytes are kept apart: of a smooth motion the high ones are nearly all
-//! zero, and compress to nothing.
+//! Every whole number is predicted as the last one (order 1) or along the line through the last two (order 2), and the remainder is kept modulo 2⁸ or
+//! 2¹⁶, folded so that small ones of both signs are small numbers (0, −1, 1, −2, … become 0, 1, 2, 3, …). Low and high bytes are kept apart: of a
+//! smooth motion the high ones are nearly all zero.
 
 use crate::figure::{Animation, Binding, Track, Up};
+use crate::report::list;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
@@ -45,7 +43,6 @@ pub(super) struct About {
     pub times: Vec<f64>,
     /// The symbol and unit of times.
     pub clock: [&'static str; 2],
-    /// Of motions about a state: how far the kept frames move it at most.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub amplitude: Option<Amplitude>,
     /// Seconds of motion in one second of playing.
@@ -63,12 +60,10 @@ pub(super) struct About {
     pub tracks: Vec<Value>,
 }
 
-/// The largest displacement of motions about a state.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+/// The largest displacement of motions about a state, in m and as a part of the scene's extent.
+#[derive(Serialize)]
 pub(super) struct Amplitude {
-    /// In m.
     pub length: f64,
-    /// As a part of the scene's extent.
     pub part: f64,
 }
 
@@ -173,11 +168,8 @@ fn with_frames(animation: &Animation, every: usize) -> Encoded {
 
 /// The corners of the box around all positions; of none, a point.
 pub(super) fn extent<'a>(positions: impl Iterator<Item = &'a Vector3<f64>>) -> (Vector3<f64>, Vector3<f64>) {
-    let mut ends: Option<(Vector3<f64>, Vector3<f64>)> = None;
-    for x in positions {
-        ends = Some(ends.map_or((*x, *x), |(low, high)| (low.inf(x), high.sup(x))));
-    }
-    ends.unwrap_or_default()
+    let boxes = positions.map(|x| (*x, *x));
+    boxes.reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1))).unwrap_or_default()
 }
 
 /// The colours end where 39 of 40 strains lie below, at a round number.
@@ -194,11 +186,8 @@ fn strain_scale<'a>(strains: impl Iterator<Item = &'a f32>, fine: bool) -> Strai
 /// The next larger of 1, 2 and 5 times a power of ten, for a positive value.
 fn round_up(value: f64) -> f64 {
     let power = value.log10().floor() as i32;
-    [1, 2, 5]
-        .into_iter()
-        .map(|k| decimal(k, power))
-        .find(|&round| round >= 0.999 * value)
-        .unwrap_or(decimal(1, power + 1))
+    let rounds = [1, 2, 5].map(|digit| decimal(digit, power));
+    rounds.into_iter().find(|&round| round >= 0.999 * value).unwrap_or(decimal(1, power + 1))
 }
 
 /// `digit · 10^power` as it is read from text, so that equal decimals are equal numbers.
@@ -246,11 +235,10 @@ fn panel(track: &Track) -> Value {
     let every = track.times.len() / 2000 + 1;
     let thinned = |values: &[f64]| values.iter().copied().step_by(every).collect::<Vec<f64>>();
     let rounded = |value: f64| format!("{value:.5e}").parse().unwrap_or(value);
-    let curve = |(name, values): &(String, Vec<f64>)| {
+    let curves = list(&track.curves, |(name, values)| {
         let values: Vec<f64> = thinned(values).into_iter().map(rounded).collect();
         json!({"name": name, "values": values})
-    };
-    let curves: Vec<Value> = track.curves.iter().map(curve).collect();
+    });
     json!({"title": track.title, "unit": track.unit, "times": thinned(&track.times), "curves": curves})
 }
 

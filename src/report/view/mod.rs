@@ -1,8 +1,5 @@
-//! `view.html`: a motion that plays in any browser, from one file that loads nothing.
-//!
-//! The page draws by itself: springs coloured by strain, the triangles of a mesh as a shaded surface, particles that are held or moved marked.
-//! Its data are made in `encode`: positions and strains as whole numbers, predicted along time and deflated, which browsers undo by
-//! themselves. `docs/guide/src/how-to/watching.md` compares this with WebGL and a library.
+//! `view.html`: a motion that plays in any browser, from one file that loads nothing. The page draws by itself: springs coloured by strain, the triangles
+//! of a mesh as a shaded surface, particles that are held or moved marked.
 
 mod encode;
 mod motions;
@@ -16,19 +13,12 @@ use encode::Encoded;
 use maud::{Markup, PreEscaped, html};
 use std::io;
 
-/// The page of an animation. Frames are left out, evenly, where the page would be larger than 40 MB: such files are slow to load, and mail and
-/// phones refuse them. The page says so.
-///
-/// # Errors
-/// The facts of an animation cannot be written as JSON.
+/// The page of an animation. Frames are left out, evenly, where the page would be larger than 40 MB, which mail and phones refuse; the page says so.
 pub fn html(animation: &Animation) -> io::Result<String> {
     within(animation, 38_000_000)
 }
 
 /// As [`html()`], with at most so many bytes of data.
-///
-/// # Errors
-/// As [`html()`].
 pub fn within(animation: &Animation, limit: usize) -> io::Result<String> {
     player(animation, &encode::encode(animation, limit))
 }
@@ -96,13 +86,11 @@ fn summary(animation: &Animation) -> String {
     let signed = |part: f64| format!("{}{} %", if part > 0.0 { "+" } else { "" }, pretty(100.0 * part));
     let mut parts = Vec::new();
     if let [start, .., end] = animation.times.as_slice() {
-        let (span, distance) = (pretty(end - start), pretty(animation.farthest()));
-        let unit = animation.clock[1];
-        let within = if unit.is_empty() {
-            format!("from {} {} to {}", animation.clock[0], pretty(*start), pretty(*end))
-        } else {
-            format!("within {span} {unit}")
+        let within = match animation.clock {
+            [symbol, ""] => format!("from {symbol} {} to {}", pretty(*start), pretty(*end)),
+            [_, unit] => format!("within {} {unit}", pretty(end - start)),
         };
+        let distance = pretty(animation.farthest());
         parts.push(format!("{within} particles come up to {distance} m from where they start"));
     }
     match animation.strain_range() {
@@ -120,8 +108,8 @@ fn summary(animation: &Animation) -> String {
 }
 
 fn notes(animation: &Animation, encoded: &Encoded) -> Vec<String> {
-    let mut notes = Vec::new();
-    notes.extend(thinned(animation).map(|note| note + " The curves below are of all springs."));
+    let thinned = thinned(animation).map(|note| note + " The curves below are of all springs.");
+    let mut notes = Vec::from_iter(thinned);
     if encoded.left_out > 0 {
         let all = animation.times.len();
         notes.push(format!(

@@ -1,6 +1,5 @@
-//! A page of motions about a state, one of which swings: normal modes, or mechanisms.
-//!
-//! The encoded frames are the state, and the state moved along each motion by one length. The page composes what lies between.
+//! A page of motions about a state, one of which swings: normal modes, or mechanisms. The encoded frames are the state, and the state moved along each
+//! motion by one length; the page composes what lies between.
 
 use super::encode::{Amplitude, encode, extent};
 use super::{document, help, stage, switches, thinned};
@@ -50,24 +49,21 @@ pub struct Motions {
 
 impl Motions {
     /// The page that plays them, about a state given by its positions.
-    ///
-    /// # Errors
-    /// Facts that cannot be written as JSON.
     pub fn html(&self, topology: SceneTopology, positions: &[Vector3<f64>]) -> io::Result<String> {
         let (low, high) = extent(positions.iter());
         let widest = (high - low).max();
-        let amplitude = Amplitude { length: AMPLITUDE * if widest > 0.0 { widest } else { 1.0 }, part: AMPLITUDE };
+        let length = AMPLITUDE * if widest > 0.0 { widest } else { 1.0 };
         let mut animation = Animation::new(&self.title, topology);
         animation.push(0.0, positions);
         let shown = self.shown(&animation);
         for (number, motion) in self.motions[..shown].iter().enumerate() {
             let largest = motion.shape.iter().map(Vector3::norm).fold(f64::MIN_POSITIVE, f64::max);
-            let scale = amplitude.length / largest;
+            let scale = length / largest;
             let moved: Vec<_> = positions.iter().zip(&motion.shape).map(|(x, u)| x + scale * u).collect();
             animation.push(1.0 + number as f64, &moved);
         }
         let mut encoded = encode(&animation, usize::MAX);
-        encoded.about.amplitude = Some(amplitude);
+        encoded.about.amplitude = Some(Amplitude { length, part: AMPLITUDE });
         encoded.about.tracks.clear();
         let [particles, springs] = animation.whole();
         let header = html! {
