@@ -1,10 +1,9 @@
 //! Steps of methods against their formulas.
 
-use super::fixtures::pulled_with_kinks;
 use super::{AdaptiveStepper, Bdf2, ImplicitOptions, LinearBackwardEuler, Method, TimeStepper, WMethod};
 use crate::linear::SolverChoice;
 use crate::spring::Spring;
-use crate::system::fixtures::tethered;
+use crate::system::fixtures::{pulled_with_kinks, tethered};
 use crate::system::{ExternalForce, State, StateView, System, SystemBuilder};
 use nalgebra::Vector3;
 

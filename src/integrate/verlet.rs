@@ -217,10 +217,9 @@ impl TimeStepper for Verlet<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::integrate::fixtures::pulled_with_kinks;
     use crate::integrate::{Monitor, MonitorOptions};
     use crate::spring::{Spring, SpringLaw, Tension};
-    use crate::system::fixtures::tethered;
+    use crate::system::fixtures::{pulled_with_kinks, tethered};
 
     /// A particle on a spring along the first axis, of this frequency and damping ratio, away from rest by 0.1 m.
     fn oscillator(frequency: f64, ratio: f64) -> (System, State) {

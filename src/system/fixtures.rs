@@ -1,6 +1,6 @@
 //! Small systems for tests, and systems cut into subdomains, each on a thread.
 
-use super::{Communicator, State, System, SystemBuilder};
+use super::{Axes, Communicator, Constraint, Motion, State, System, SystemBuilder};
 use crate::spring::Spring;
 use nalgebra::Vector3;
 use std::sync::{Arc, Barrier, Mutex};
@@ -13,6 +13,18 @@ pub fn oscillator() -> (System, State) {
     builder.particle([1.3, 0.0, 0.0], 1.0);
     builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
     builder.hold(0);
+    builder.build().unwrap()
+}
+
+/// A damped particle on a spring to another that starts, turns and stops suddenly, a quarter of a second each.
+pub fn pulled_with_kinks() -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([2.1, 0.0, 0.0], 1.0);
+    let offsets = [[0.0, 0.0, 0.0], [0.5, 0.1, 0.0], [0.25, 0.0, 0.0]].map(Vector3::from).to_vec();
+    let motion = Motion::Path { times: vec![0.25, 0.5, 0.75], offsets };
+    builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
+    builder.spring(0, 1, Spring { stiffness: 30.0, rest_length: 2.0, damping: 3.0 });
     builder.build().unwrap()
 }
 
