@@ -178,17 +178,22 @@ impl<'s> Trial<'s> {
         // The wider the choice, the smaller the set.
         if local.len() > 128 {
             let (mut refused, mut accepted) = (necessary.len(), local.len());
+            let mut is_factored = false;
             for _ in 0..3 {
                 if accepted - refused <= 1 + accepted / 16 {
                     break;
                 }
                 let middle = refused.midpoint(accepted);
-                match self.is_definite(&local[..middle], work) {
+                is_factored = self.is_definite(&local[..middle], work);
+                match is_factored {
                     true => accepted = middle,
                     false => refused = middle,
                 }
             }
             local.truncate(accepted);
+            if is_factored {
+                return Some(local);
+            }
         }
         self.is_definite(&local, work).then_some(local)
     }

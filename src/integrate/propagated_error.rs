@@ -91,7 +91,7 @@ pub struct PropagatedError {
     /// `Σ ‖M ā − F(x', v')‖` and `Σ ‖M ā‖` over linearised steps, in N: forces left out, and forces balanced.
     left_out: f64,
     balanced: f64,
-    /// The extent of the scene, in m.
+    /// The largest extent of the scene so far, in m.
     extent: f64,
 }
 
@@ -127,7 +127,7 @@ impl PropagatedError {
             sum: 0.0,
             left_out: 0.0,
             balanced: 0.0,
-            extent: 1.0,
+            extent: 0.0,
         }
     }
 
@@ -261,8 +261,9 @@ impl PropagatedError {
         positions.chain(velocities).for_each(|(e, local)| *e += local);
     }
 
-    /// Adds the errors of velocities that a step leaves where a force jumps by Δf within it, ½ h Δf/m: the damper of a tension-only spring comes and
-    /// goes with the tension, and in one dimension a spring whose ends pass each other turns about. Differences of velocities do not see it.
+    /// Adds the errors of velocities that a step leaves where a force jumps by Δf within it, ½ h Δf/m, which differences of velocities do not see: the
+    /// damper of a tension-only spring comes and goes with the tension, and in one dimension a spring with a rest length turns about where its ends
+    /// pass each other.
     pub(super) fn add_jumps(&mut self, system: &System, step: &CompletedStep) {
         let is_line = system.dimension() == 1;
         if !is_line && system.behaviour().tension_only.is_empty() {
@@ -281,7 +282,8 @@ impl PropagatedError {
                 let w = states[end].velocities[i] - states[end].velocities[j];
                 springs[end].damping_force(&[before, after][end], &w)
             };
-            let jump = if before.direction.dot(&after.direction) < 0.0 {
+            let turns = before.direction.dot(&after.direction) < 0.0 && springs[1].rest_length > 0.0;
+            let jump = if turns {
                 springs[1].elastic_force(&after) - springs[0].elastic_force(&before)
             } else if is_rope && (springs[0].stiffness == 0.0) != (springs[1].stiffness == 0.0) {
                 damping(1) - damping(0)
@@ -363,13 +365,14 @@ impl PropagatedError {
         }
     }
 
-    /// Limits e to the size of the motion, in a scene of so many metres. An error that is not finite becomes the largest.
-    pub(super) fn saturate(&mut self, system: &System, extent: f64) {
-        self.extent = extent;
+    /// Limits e to the size of the motion, in a scene that is so many metres large now, and returns the largest extent so far: a scene may shrink to
+    /// a point for a moment. An error that is not finite becomes the largest.
+    pub(super) fn saturate(&mut self, system: &System, extent: f64) -> f64 {
+        self.extent = self.extent.max(extent);
         let size = norm_of_all(system, &self.positions);
-        let most = 2.0 * extent;
+        let most = 2.0 * self.extent;
         if size.is_finite() && size <= most {
-            return;
+            return self.extent;
         }
         let scale = if size.is_finite() { most / size } else { 0.0 };
         let lists = [
@@ -386,6 +389,7 @@ impl PropagatedError {
             let each = most / (self.positions.len() as f64).sqrt();
             self.positions.iter_mut().for_each(|e| e.x = each);
         }
+        self.extent
     }
 }
 
@@ -399,12 +403,14 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use std::ops::ControlFlow;
 
-    /// A particle of 1 kg, 1 m from rest on a spring of 10 N/m, damped at the rate ζ.
-    fn oscillator(zeta: f64) -> (System, State) {
+    /// A particle of 1 kg, 1 m from rest on a spring of 10 N/m and a rest length, damped at the rate ζ.
+    fn oscillator(rest_length: f64, zeta: f64) -> (System, State) {
         let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
         builder.particle([0.0; 3], 1.0);
-        builder.particle([3.0, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 2.0 * zeta });
+        builder.particle([rest_length + 1.0, 0.0, 0.0], 1.0);
+        // k is in N, or in N/m without a rest length.
+        let stiffness = if rest_length > 0.0 { 10.0 * rest_length } else { 10.0 };
+        builder.spring(0, 1, Spring { stiffness, rest_length, damping: 2.0 * zeta });
         builder.hold(0);
         builder.build().unwrap()
     }
@@ -474,15 +480,16 @@ mod tests {
         }
     }
 
-    /// `x − 2 = e^{−ζt} (cos ω_d t + ζ/ω_d sin ω_d t)`, ω_d² = 10 − ζ². The propagated error is the true one with its sign, to the next order in the
-    /// step: each coefficient of each method, and each linearised step, is in it.
+    /// `x − l0 = e^{−ζt} (cos ω_d t + ζ/ω_d sin ω_d t)`, ω_d² = 10 − ζ². The propagated error is the true one with its sign, to the next order in the
+    /// step: each coefficient of each method, and each linearised step, is in it. Without a rest length no force jumps where the ends pass each other,
+    /// and a scene that is a point for a moment does not limit the error.
     #[test]
     fn errors_of_an_oscillator_are_known_with_their_sign() {
-        for zeta in [0.0, 0.4] {
-            let scene = oscillator(zeta);
+        for (rest_length, zeta) in [(2.0, 0.0), (2.0, 0.4), (0.0, 0.0)] {
+            let scene = oscillator(rest_length, zeta);
             let (duration, frequency) = (2.3, (10.0 - zeta * zeta).sqrt());
             let phase: f64 = frequency * duration;
-            let exact = 2.0 + (-zeta * duration).exp() * (phase.cos() + zeta / frequency * phase.sin());
+            let exact = rest_length + (-zeta * duration).exp() * (phase.cos() + zeta / frequency * phase.sin());
             for method in Method::ALL.into_iter().filter(|method| method.order() <= 2) {
                 let dt = if method.order() == 1 { 2.3e-4 } else { 5e-3 };
                 let (end, error) = run(&scene, method, dt, duration);
@@ -540,7 +547,7 @@ mod tests {
 
     #[test]
     fn errors_grow_no_larger_than_the_motion() {
-        let (system, _) = oscillator(0.0);
+        let (system, _) = oscillator(2.0, 0.0);
         let mut error = PropagatedError::none(&system);
         error.positions[1].x = 30.0;
         error.velocities[1].x = 6.0;

@@ -193,8 +193,7 @@ impl<'s> Monitor<'s> {
         if !*is_accurate {
             known.add_jumps(system, &step);
         }
-        let extent = extent(Some(system), &state.positions, &self.start.positions);
-        known.saturate(system, extent);
+        let extent = known.saturate(system, extent(Some(system), &state.positions, &self.start.positions));
         let threshold = options.threshold.unwrap_or(INACCURATE);
         if predictable_until.is_none() && known.norm(system) > threshold * extent {
             *predictable_until = Some(last.time);
