@@ -137,16 +137,25 @@ mod tests {
         (0..n).map(|row| f64::from(u8::from(row == k))).collect()
     }
 
-    /// `diag(1, 1 + δ, 3)`: two values at 1 are one cluster, whose two vectors must not be one and the same. By hand the residual of
-    /// `(e_1 + t e_3)/‖·‖` is `2t/(1 + t²)`.
+    /// `diag(1, 1 + δ, 3)`: two values at 1 are one cluster, whose vectors must not be one and the same, nor one that leans on two others. By hand the
+    /// residual of `(e_1 + t e_3)/‖·‖` is `2t/(1 + t²)`.
     #[test]
     fn clusters_hold_as_many_eigenvalues_as_pairs() {
+        for diagonal in [[1.0 + 1e-14, 1.0, 3.0], [1.0, 1.0 + 1e-14, 3.0]] {
+            let a = banded(1, 0, |row, column| if row == column { diagonal[row] } else { 0.0 });
+            let pencil = Pencil::of(&a);
+            let radii = enclosures(&pencil, &pairs(&[1.0, 1.0, 3.0], &[axis(3, 0), axis(3, 1), axis(3, 2)]));
+            assert!(radii[0] == radii[1] && (1e-14..1e-13).contains(&radii[0]) && radii[2] < 1e-14, "{radii:?}");
+        }
         let a = banded(1, 0, |row, column| if row == column { [1.0, 1.0 + 1e-14, 3.0][row] } else { 0.0 });
         let pencil = Pencil::of(&a);
-        let radii = enclosures(&pencil, &pairs(&[1.0, 1.0, 3.0], &[axis(3, 0), axis(3, 1), axis(3, 2)]));
-        assert!(radii[0] == radii[1] && (1e-14..1e-13).contains(&radii[0]) && radii[2] < 1e-14, "{radii:?}");
         let twice = enclosures(&pencil, &pairs(&[1.0, 1.0], &[axis(3, 0), axis(3, 0)]));
         assert_eq!(twice, [f64::INFINITY; 2], "the same vector twice proves one eigenvalue");
+        let lean = 0.91f64.sqrt();
+        let leaning = [axis(3, 0), vec![0.3, lean, 0.0], vec![0.3, 0.0, lean]];
+        let unit = banded(1, 0, |row, column| f64::from(u8::from(row == column)));
+        let three = enclosures(&Pencil::of(&unit), &pairs(&[1.0; 3], &leaning));
+        assert_eq!(three, [f64::INFINITY; 3], "two products of 0.3 are more than a half");
         let t = 1e-3f64;
         let tilted = vec![1.0 / t.hypot(1.0), 0.0, t / t.hypot(1.0)];
         let value = (1.0 + 3.0 * t * t) / (1.0 + t * t);
