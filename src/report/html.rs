@@ -241,7 +241,8 @@ fn faults() -> Markup {
     let body = html! {
         p {
             "A suite is worth what it catches. Faults that are typical of such programs were put into copies of this one, one \
-             at a time, and the whole suite, known answers included, was run on each. "
+             at a time, and the whole suite, known answers included, was run on each, or the unit tests of its module where \
+             the suite cannot see it. "
             @if survived == 0 { (count(faults.len(), "fault")) ", all caught." }
             @else { (survived) " of " (count(faults.len(), "fault")) " survived." }
         }
