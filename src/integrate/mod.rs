@@ -176,3 +176,28 @@ fn zero_prescribed(system: &System, vectors: &mut [Vector3<f64>]) {
         vectors[dof.particle][dof.axis] = 0.0;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Statistics;
+    use crate::work::Work;
+
+    /// Counters are added, and the larger of two maxima is kept.
+    #[test]
+    fn statistics_of_parts_are_added() {
+        let of = |number: u64| Statistics {
+            work: Work { solves: number, ..Work::default() },
+            max_relative_residual: 1e-3 * number as f64,
+            max_tolerance: 1e-2 * number as f64,
+            softened_solves: 2 * number,
+            dropped_terms: 3 * number,
+            rejected_steps: 4 * number,
+            indefinite_solves: 5 * number,
+        };
+        let (mut sum, mut other) = (of(3), of(4));
+        sum.add(&of(4));
+        other.add(&of(3));
+        assert_eq!(sum, Statistics { max_relative_residual: 4e-3, max_tolerance: 4e-2, ..of(7) });
+        assert_eq!(sum, other);
+    }
+}

@@ -2,7 +2,7 @@ use super::{
     AdaptiveOptions, AdaptiveStepper, ErrorEstimate, OutputTimes, SHORTEST, Samples, doubt, hermite, run_adaptive,
     stiffness,
 };
-use crate::integrate::{Statistics, StepFailure, TimeStepper};
+use crate::integrate::{Dop853, Statistics, StepFailure, TimeStepper};
 use crate::linear::SolveFailure;
 use crate::spring::Spring;
 use crate::system::{State, System, SystemBuilder};
@@ -226,5 +226,22 @@ fn samples_come_at_intervals_that_are_positive() {
     assert_eq!(how.sampled_every(0.5), Ok(AdaptiveOptions { sampling: OutputTimes::Every(0.5), ..how }));
     for interval in [0.0, -1.0, f64::INFINITY, f64::NAN] {
         assert!(how.sampled_every(interval).is_err(), "{interval}");
+    }
+}
+
+/// A lattice of springs that vibrate at many paces: after the first steps stability bounds the step. Without the rule for that every fifth is
+/// rejected.
+#[cfg(feature = "scene")]
+#[test]
+fn few_steps_are_rejected_where_stability_bounds_them() {
+    let scene = crate::scene::builtin(crate::scene::Kind::Lattice, 5).unwrap();
+    let (system, start) = scene.build().unwrap();
+    for rtol in [1e-4, 1e-6] {
+        let (mut stepper, mut state) = (Dop853::new(&system, &start).unwrap(), start.clone());
+        let how = AdaptiveOptions::new(scene.time.duration.unwrap(), rtol).unwrap();
+        let outcome = run_adaptive(&mut stepper, &system, &mut state, &how, |_, _| ControlFlow::Continue(()));
+        let rejected = stepper.statistics().rejected_steps;
+        assert_eq!(outcome.status().name(), "completed");
+        assert!(rejected * 15 < outcome.steps, "{rejected} of {}", outcome.steps);
     }
 }

@@ -140,3 +140,53 @@ fn drag_dissipates() {
         assert!((found.dissipated - dissipated).abs() < 1e-12, "{found:?} {dissipated}");
     }
 }
+
+/// A damped spring of 12 N/m between a free particle of 2 kg and one that is led along x at 0.3 m/s, under gravity.
+fn moved() -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.gravity(-4.0, 0.0, 9.0);
+    builder.particle([1.0, 0.0, 0.0], 3.0);
+    builder.particle([0.0; 3], 2.0);
+    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.7 });
+    let motion = Motion::Velocity(Vector3::new(0.3, 0.0, 0.0));
+    builder.constrain(Constraint { particles: vec![0], axes: Axes::of(&[0]), motion });
+    builder.build().unwrap()
+}
+
+/// A length `l = 1 + r₀t + r₁t²/2 + r₂t³/3` makes `∫ (κ (l − l0) + b l') u dt` and `b ∫ l'² dt` integrals by hand. A step that does not
+/// resolve the spring knows the mean of the tensions at its ends, and that of the rate.
+#[test]
+fn a_spring_that_is_drawn_takes_its_tension_times_the_way() {
+    let (system, start) = moved();
+    let [r0, r1, r2, u, b] = [-0.3, -2.0, 5.0, 0.3, 0.7];
+    let length = |t: f64| 1.0 + t * (r0 + t * (r1 / 2.0 + t * r2 / 3.0));
+    let rate = |t: f64| r0 + t * (r1 + t * r2);
+    let exchange = |h: f64| {
+        let at = |t: f64| {
+            let mut state = State { time: t, ..start.clone() };
+            state.prescribe(&system);
+            state.positions[1].x = state.positions[0].x - length(t);
+            state.velocities[1].x = u - rate(t);
+            state
+        };
+        Work::new(&system, &at(0.0)).enter(&at(0.0), &at(h), h, false)
+    };
+    let tension = |t: f64| 12.0 * (length(t) - 0.5);
+    let h: f64 = 0.02;
+    let whole = h + h * h * (r0 / 2.0 + h * (r1 / 6.0 + h * r2 / 12.0));
+    let work = u * (12.0 * (whole - 0.5 * h) + b * (length(h) - 1.0));
+    let squares =
+        h * (r0 * r0 + h * (r0 * r1 + h * ((r1 * r1 + 2.0 * r0 * r2) / 3.0 + h * (r1 * r2 / 2.0 + h * r2 * r2 / 5.0))));
+    let mean = |h: f64| (length(h) - 1.0) / h;
+    let found = exchange(h);
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * b.abs();
+    assert!(near(found.work, work) && near(found.dissipated, b * squares), "{found:?} {work} {squares}");
+    assert!(near(found.certain, b * h * mean(h) * mean(h)), "{found:?}");
+    // The spring's own time is 1/√(12·5/6) s, as what is led along x has two axes left.
+    for (h, is_resolved) in [(0.316, true), (0.317, false)] {
+        let found = exchange(h);
+        let simple = u * h * ((tension(0.0) + tension(h)) / 2.0 + b * mean(h));
+        assert_eq!(!near(found.work, simple), is_resolved, "{h}: {found:?} {simple}");
+        assert_eq!(!near(found.dissipated, found.certain), is_resolved, "{h}: {found:?}");
+    }
+}

@@ -1,10 +1,11 @@
-use super::{A, B, C, GAMMA, RATES, Rodas4, Row, STAGES, TIMES};
+use super::{A, B, C, GAMMA, RATES, Rodas4, Row, STAGES, TIMES, rotational_damping};
+use crate::force::SpringGeometry;
 use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
 use crate::linear::{SolverChoice, SolverOptions};
 use crate::spring::{Spring, Stiffness};
 use crate::system::fixtures::tethered;
 use crate::system::{State, System, SystemBuilder};
-use nalgebra::{Complex, SMatrix, SVector};
+use nalgebra::{Complex, SMatrix, SVector, Vector3};
 
 type Matrix = SMatrix<f64, STAGES, STAGES>;
 type Vector = SVector<f64, STAGES>;
@@ -140,4 +141,40 @@ fn shorter_steps_are_solved_more_accurately() {
         let (asked, part) = (stepper.linear.adaptive_tolerance.next(1e4, 1600.0), 1e-4 * expected * 2.0 * 1600.0 / 1e4);
         assert!((asked / part - 1.0).abs() < 1e-12, "{last}: {asked:e} {part:e}");
     }
+}
+
+/// `0.4 Σ U²/K_s / K` with `U = ½ κ L²`, `L = (h v⊥)²/(2 l)` and `K_s = ½ μ v⊥²`, of two springs, the first between particles of 2 kg and
+/// 3 kg, 1.5 m long and passed at 4 m/s across, the second from there to a held one, 2 m long and passed at 1 m/s.
+#[test]
+fn turning_springs_lose_energy() {
+    let mut builder = SystemBuilder::new();
+    for (position, mass) in [([0.0; 3], 2.0), ([1.5, 0.0, 0.0], 3.0), ([1.5, 0.0, 2.0], 5.0)] {
+        builder.particle(position, mass);
+    }
+    builder.hold(2);
+    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.0 });
+    builder.spring(1, 2, Spring { stiffness: 10.0, rest_length: 2.0, damping: 0.0 });
+    let (system, mut state) = builder.build().unwrap();
+    state.velocities[0] = Vector3::new(7.0, 4.0, 0.0);
+    state.velocities[1] = Vector3::new(1.0, 0.0, -2.0);
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
+    let h = 0.25;
+    let share = |kappa: f64, length: f64, square: f64, mass: f64| {
+        let lift = h * h * square / (2.0 * length);
+        let energy = 0.5 * kappa * lift * lift;
+        energy * energy / (0.5 * mass * square)
+    };
+    // Across the first spring 4 m/s along y and 2 m/s along z; the second turns about what is held, with all of 3 kg.
+    let taken = share(12.0, 1.5, 20.0, 6.0 / 5.0) + share(5.0, 2.0, 1.0, 3.0);
+    let kinetic = 0.5 * (2.0 * 65.0 + 3.0 * 5.0);
+    let found = rotational_damping(&system, &extensions, &state.velocities, h);
+    assert!((found / (0.4 * taken / kinetic) - 1.0).abs() < 1e-12, "{found}");
+    let mut stepper = Rodas4::new(&system, &state, &ImplicitOptions::default()).unwrap();
+    state.time = 8.0;
+    stepper.try_step(&state, h).unwrap();
+    assert!((stepper.rotational_damping() / found - 1.0).abs() < 1e-12, "{} {found}", stepper.rotational_damping());
+    // Along springs nothing turns, and where nothing moves there is nothing to take from.
+    state.velocities = vec![Vector3::x(), Vector3::zeros(), Vector3::zeros()];
+    assert_eq!(rotational_damping(&system, &extensions, &state.velocities, h), 0.0);
+    assert_eq!(rotational_damping(&system, &extensions, &[Vector3::zeros(); 3], h), 0.0);
 }
