@@ -1,11 +1,16 @@
 use super::{A, B, C, GAMMA, RATES, Rodas4, Row, STAGES, TIMES, rotational_damping};
 use crate::force::SpringGeometry;
 use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
-use crate::linear::{SolverChoice, SolverOptions};
+use crate::linear::{
+    Definiteness, LdltSolver, LinearSolver, PreparedMatrix, Solution, SolveFailure, SolverChoice, SolverOptions, norm,
+};
+use crate::operator::SystemOperator;
 use crate::spring::{Spring, Stiffness};
 use crate::system::fixtures::tethered;
 use crate::system::{State, System, SystemBuilder};
+use crate::work::Work;
 use nalgebra::{Complex, SMatrix, SVector, Vector3};
+use std::sync::{Arc, Mutex};
 
 type Matrix = SMatrix<f64, STAGES, STAGES>;
 type Vector = SVector<f64, STAGES>;
@@ -177,4 +182,54 @@ fn turning_springs_lose_energy() {
     state.velocities = vec![Vector3::x(), Vector3::zeros(), Vector3::zeros()];
     assert_eq!(rotational_damping(&system, &extensions, &state.velocities, h), 0.0);
     assert_eq!(rotational_damping(&system, &extensions, &[Vector3::zeros(); 3], h), 0.0);
+}
+
+/// Reports this relative residual for its solutions; records the largest norm of a right-hand side.
+struct Inaccurate {
+    solver: LdltSolver,
+    residual_and_largest: Arc<Mutex<[f64; 2]>>,
+}
+
+impl LinearSolver for Inaccurate {
+    fn name(&self) -> &'static str {
+        "inaccurate"
+    }
+
+    fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+        self.solver.update(a, work)
+    }
+
+    fn solve(
+        &mut self,
+        a: PreparedMatrix<'_>,
+        b: &[f64],
+        x: &mut [f64],
+        work: &mut Work,
+    ) -> Result<Solution, SolveFailure> {
+        self.solver.solve(a, b, x, work)?;
+        let mut shared = self.residual_and_largest.lock().unwrap();
+        shared[1] = shared[1].max(norm(b));
+        Ok(Solution { relative_residual: shared[0] })
+    }
+}
+
+/// A residual may cause a thousandth of the step's error, `‖r‖ ≤ 10⁻³ ‖E‖ √m/(γh)²`; with more the step is computed again, twice at most.
+#[test]
+fn inaccurate_steps_are_computed_again() {
+    let (system, start) = pulled();
+    let residual_and_largest = Arc::new(Mutex::new([0.0; 2]));
+    let solver = LdltSolver::new(&system, faer::Par::Seq, &mut Work::default()).unwrap();
+    let solver = Box::new(Inaccurate { solver, residual_and_largest: residual_and_largest.clone() });
+    let mut stepper = Rodas4::with_solver(&system, &start, &ImplicitOptions::default(), solver).unwrap();
+    let h = 0.1;
+    stepper.try_step(&start, h).unwrap();
+    let (_, error) = stepper.last.unwrap();
+    let enough = 1e-3 * error * 2.0 / (GAMMA * h).powi(2);
+    let [_, largest] = *residual_and_largest.lock().unwrap();
+    for (part, times) in [(0.99, 1), (1.01, 3)] {
+        residual_and_largest.lock().unwrap()[0] = part * enough / largest;
+        let before = stepper.statistics().work.force_evaluations;
+        stepper.try_step(&start, h).unwrap();
+        assert_eq!(stepper.statistics().work.force_evaluations - before, times * STAGES as u64, "{part}");
+    }
 }
