@@ -76,9 +76,9 @@ impl<'s> Simulation<'s> {
     }
 
     /// By this method.
-    pub fn method(self, method: Method) -> Self {
-        let options = RunOptions { method: Some(MethodChoice::Named(method)), ..self.options };
-        Self { options, ..self }
+    pub fn method(mut self, method: Method) -> Self {
+        self.options.method = Some(MethodChoice::Named(method));
+        self
     }
 
     /// With steps of dt seconds.
@@ -87,21 +87,21 @@ impl<'s> Simulation<'s> {
     }
 
     /// With adaptive steps of this relative tolerance, between 0 and 1.
-    pub fn rtol(self, rtol: f64) -> Self {
-        let options = RunOptions { rtol: Some(rtol), ..self.options };
-        Self { options, ..self }
+    pub fn rtol(mut self, rtol: f64) -> Self {
+        self.options.rtol = Some(rtol);
+        self
     }
 
     /// With this stiffness in the matrix: an option, or the policy.
-    pub fn stiffness(self, stiffness: impl Into<StiffnessPolicy>) -> Self {
-        let options = RunOptions { stiffness: Some(stiffness.into()), ..self.options };
-        Self { options, ..self }
+    pub fn stiffness(mut self, stiffness: impl Into<StiffnessPolicy>) -> Self {
+        self.options.stiffness = Some(stiffness.into());
+        self
     }
 
     /// With this linear solver.
-    pub fn solver(self, solver: SolverChoice) -> Self {
-        let options = RunOptions { solver: Some(solver), ..self.options };
-        Self { options, ..self }
+    pub fn solver(mut self, solver: SolverChoice) -> Self {
+        self.options.solver = Some(solver);
+        self
     }
 
     /// With all options at once; `accuracy` is for [`run_to_accuracy`](crate::accuracy::run_to_accuracy) and is ignored here.
@@ -167,7 +167,7 @@ impl<'s> Simulation<'s> {
             balance: monitor.balance(),
             error: indicators.estimate.filter(|_| is_known),
             predictable_until: indicators.predictable_until,
-            warnings: warnings.iter().map(ToString::to_string).collect(),
+            warnings,
             state,
         })
     }
