@@ -199,15 +199,15 @@ pub fn run_to_accuracy<O: Observer>(
     let mut stay_apart = false;
     let verdict = loop {
         let coarse = match search.run(candidate, true)? {
-            Attempt::Completed(run) => *run,
-            Attempt::Interrupted => break Verdict::Interrupted,
+            Some(run) => run,
+            None if !go_on() => break Verdict::Interrupted,
             // A choice: six runs that break down, each with steps four times as fine.
-            Attempt::Failed if failures < 6 => {
+            None if failures < 6 => {
                 failures += 1;
                 candidate = candidate.finer(FINER * FINER);
                 continue;
             }
-            Attempt::Failed => break Verdict::Unconfirmed("finer runs break down".into()),
+            None => break Verdict::Unconfirmed("finer runs break down".into()),
         };
         let estimate = coarse.estimated_error.unwrap_or(f64::INFINITY);
         // With `e' ≤ e/i` two runs are at least `e − e' ≥ (i − 1) e'` apart.
@@ -220,17 +220,13 @@ pub fn run_to_accuracy<O: Observer>(
         before = Some((candidate, estimate));
         if estimate <= allowed {
             let second = candidate.finer(FINER);
-            let mut fine = match search.run(second, false)? {
-                Attempt::Completed(run) => *run,
-                Attempt::Interrupted => {
-                    best = Some((candidate, coarse));
+            let Some(mut fine) = search.run(second, false)? else {
+                best = Some((candidate, coarse));
+                if !go_on() {
                     break Verdict::Interrupted;
                 }
-                Attempt::Failed => {
-                    best = Some((candidate, coarse));
-                    candidate = candidate.finer(FINER * FINER);
-                    continue;
-                }
+                candidate = candidate.finer(FINER * FINER);
+                continue;
             };
             let apart = relative_position_error(&fine.state.positions, &coarse.state.positions, &start.positions);
             let error = (apart / (improvement - 1.0)).max(estimate / improvement);
@@ -273,13 +269,6 @@ pub fn run_to_accuracy<O: Observer>(
         runs: search.runs,
         ..run
     }))
-}
-
-/// The outcome of a run.
-enum Attempt<R> {
-    Completed(Box<Answer<R>>),
-    Failed,
-    Interrupted,
 }
 
 struct Search<'s, O> {
@@ -347,8 +336,8 @@ impl<O: Observer> Search<'_, O> {
         }
     }
 
-    /// Makes a run, with the propagated error of its steps where that is asked for.
-    fn run(&mut self, candidate: Candidate, propagates: bool) -> Result<Attempt<O::Records>> {
+    /// Makes a run, with the propagated error of its steps where that is asked for; `None` where it does not come to its end.
+    fn run(&mut self, candidate: Candidate, propagates: bool) -> Result<Option<Answer<O::Records>>> {
         let Self { system, start, options, go_on, .. } = *self;
         let Candidate { configuration: Configuration { method, options: implicit }, control } = candidate;
         let AccuracyOptions { accuracy, duration, interval, .. } = *options;
@@ -404,31 +393,27 @@ impl<O: Observer> Search<'_, O> {
         self.spent += cost;
         self.runs += 1;
         let ErrorIndicators { estimate, predictable_until, .. } = monitor.indicators(&state);
-        Ok(match outcome.status() {
-            Status::Completed => Attempt::Completed(Box::new(Answer {
-                configuration: candidate.configuration,
-                control,
-                steps: outcome.steps,
-                statistics,
-                solver: SolverReport {
-                    name: solver.map_or("none", LinearSolver::name),
-                    preconditioner: solver.and_then(LinearSolver::preconditioner).unwrap_or("none"),
-                    choice: solver.and_then(LinearSolver::choice),
-                    factor,
-                },
-                estimated_error: estimate,
-                verdict: Verdict::Interrupted,
-                predictable_until,
-                motion: motion / extent(&state.positions, &start.positions),
-                cost,
-                total_cost: self.spent,
-                runs: self.runs,
-                state,
-                records,
-            })),
-            _ if !go_on() => Attempt::Interrupted,
-            _ => Attempt::Failed,
-        })
+        Ok((outcome.status() == Status::Completed).then(|| Answer {
+            configuration: candidate.configuration,
+            control,
+            steps: outcome.steps,
+            statistics,
+            solver: SolverReport {
+                name: solver.map_or("none", LinearSolver::name),
+                preconditioner: solver.and_then(LinearSolver::preconditioner).unwrap_or("none"),
+                choice: solver.and_then(LinearSolver::choice),
+                factor,
+            },
+            estimated_error: estimate,
+            verdict: Verdict::Interrupted,
+            predictable_until,
+            motion: motion / extent(&state.positions, &start.positions),
+            cost,
+            total_cost: self.spent,
+            runs: self.runs,
+            state,
+            records,
+        }))
     }
 }
 
