@@ -143,12 +143,13 @@ pub fn run_monitored(
 /// # Errors
 /// The reason why a part could not be done; the state is then unchanged.
 pub fn advance(stepper: &mut (impl TimeStepper + ?Sized), state: &mut State, dt: f64) -> Result<(), StepFailure> {
-    let parts = Parts::new(stepper, state.time, dt, state.time + dt);
-    if parts.kinks.len() == 0 {
+    let end = state.time + dt;
+    let kinks = kinks_within(stepper, state.time, dt, end);
+    if kinks.is_empty() {
         return stepper.step(state, dt);
     }
     let mut next = state.clone();
-    for (length, end) in parts {
+    for (length, end) in parts(kinks, state.time, dt, end) {
         stepper.step(&mut next, length)?;
         next.time = end;
     }
@@ -156,39 +157,29 @@ pub fn advance(stepper: &mut (impl TimeStepper + ?Sized), state: &mut State, dt:
     Ok(())
 }
 
-/// The parts of a step by the kinks of gravity and rest lengths within it: the length of each and the time of its end, in s.
-struct Parts {
-    kinks: std::vec::IntoIter<f64>,
-    start: f64,
-    /// The rest of the step; `None` when it is done.
-    rest: Option<(f64, f64)>,
+/// The kinks of gravity and rest lengths within a step of dt seconds, apart from each other and from its ends, in s.
+fn kinks_within(stepper: &(impl TimeStepper + ?Sized), start: f64, dt: f64, end: f64) -> Vec<f64> {
+    let slack = SAME * dt + 4.0 * f64::EPSILON * end.abs();
+    let mut last = start;
+    let mut is_apart = |kink: f64| {
+        let is_apart = kink > last + slack;
+        last = if is_apart { kink } else { last };
+        is_apart
+    };
+    let kinks = stepper.load_kinks();
+    let from = kinks.partition_point(|&kink| kink <= start + slack);
+    let within = kinks.iter().copied().skip(from).take_while(|&kink| kink < end - slack);
+    within.filter(|&kink| is_apart(kink)).collect()
 }
 
-impl Parts {
-    fn new(stepper: &(impl TimeStepper + ?Sized), start: f64, dt: f64, end: f64) -> Self {
-        let slack = SAME * dt + 4.0 * f64::EPSILON * end.abs();
-        let (kinks, mut last) = (stepper.load_kinks(), start);
-        let from = kinks.partition_point(|&kink| kink <= start + slack);
-        let to = kinks.partition_point(|&kink| kink < end - slack).max(from);
-        let apart = |&&kink: &&f64| {
-            let is_apart = kink > last + slack;
-            last = if is_apart { kink } else { last };
-            is_apart
-        };
-        let kinks: Vec<f64> = kinks.get(from..to).unwrap_or_default().iter().filter(apart).copied().collect();
-        Self { kinks: kinks.into_iter(), start, rest: Some((dt, end)) }
-    }
-}
-
-impl Iterator for Parts {
-    type Item = (f64, f64);
-
-    fn next(&mut self) -> Option<(f64, f64)> {
-        let Some(kink) = self.kinks.next() else { return self.rest.take() };
-        let length = kink - std::mem::replace(&mut self.start, kink);
-        self.rest = self.rest.map(|(_, end)| (end - kink, end));
-        Some((length, kink))
-    }
+/// The parts of a step by the kinks within it: the length of each and the time of its end, in s.
+fn parts(kinks: Vec<f64>, mut start: f64, dt: f64, end: f64) -> impl Iterator<Item = (f64, f64)> {
+    let whole = kinks.is_empty().then_some(dt);
+    kinks.into_iter().chain([end]).map(move |end| {
+        let length = whole.unwrap_or(end - start);
+        start = end;
+        (length, end)
+    })
 }
 
 fn drive(
@@ -203,8 +194,9 @@ fn drive(
     let start = state.time - schedule.elapsed(steps);
     while let Some(dt) = schedule.step(steps) {
         let number = steps + 1;
-        let mut parts = Parts::new(stepper, state.time, dt, start + schedule.elapsed(number));
-        while let Some((length, end)) = parts.next() {
+        let step_end = start + schedule.elapsed(number);
+        let kinks = kinks_within(stepper, state.time, dt, step_end);
+        for (length, end) in parts(kinks, state.time, dt, step_end) {
             let before = state.time;
             let mut done = match &mut monitor {
                 Some(monitor) => stepper.step_seen(state, length, monitor.springs()),
@@ -215,7 +207,7 @@ fn drive(
             }
             if done.is_ok() {
                 state.time = end;
-                steps += u64::from(parts.rest.is_none());
+                steps += u64::from(end == step_end);
                 if let Some(monitor) = &mut monitor {
                     monitor.propagate(stepper, state, length);
                     done = monitor.enter(steps, state, length);
