@@ -18,9 +18,9 @@ use crate::error::Invalid;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Schedule {
     dt: f64,
-    whole_steps: u64,
-    /// A shorter last step, when dt does not divide the duration.
-    remainder: Option<f64>,
+    /// Steps of the whole schedule, and the length of the last one: dt, or what is left where dt does not divide the duration.
+    steps: u64,
+    last_step: f64,
     duration: f64,
     /// The steps done before and at the end of this part.
     first: u64,
@@ -41,7 +41,7 @@ pub(crate) fn is_end(time: f64, [start, end]: [f64; 2]) -> bool {
 impl Schedule {
     /// A number of steps of length dt > 0.
     pub fn steps(dt: f64, steps: u64) -> Self {
-        Self::whole(dt, steps, None, steps as f64 * dt)
+        Self::whole(dt, steps, dt, steps as f64 * dt)
     }
 
     /// Ends exactly at `duration` ≥ 0: the last step is shorter where dt > 0 does not divide it. Arguments that [`check`](Self::check) refuses make a
@@ -52,16 +52,14 @@ impl Schedule {
         // A run that is short beside dt is one short step, not none.
         let divides = (ratio - nearest).abs() <= SAME * nearest.max(1.0) && (nearest > 0.0 || ratio == 0.0);
         if divides || ratio.is_nan() || ratio >= MOST_STEPS {
-            return Self::whole(dt, nearest as u64, None, duration);
+            return Self::whole(dt, nearest as u64, dt, duration);
         }
-        let whole_steps = ratio.floor();
-        let remainder = Some(duration - whole_steps * dt);
-        Self::whole(dt, whole_steps as u64, remainder, duration)
+        let before = ratio.floor();
+        Self::whole(dt, before as u64 + 1, duration - before * dt, duration)
     }
 
-    fn whole(dt: f64, whole_steps: u64, remainder: Option<f64>, duration: f64) -> Self {
-        let last = whole_steps + u64::from(remainder.is_some());
-        Self { dt, whole_steps, remainder, duration, first: 0, last }
+    fn whole(dt: f64, steps: u64, last_step: f64, duration: f64) -> Self {
+        Self { dt, steps, last_step, duration, first: 0, last: steps }
     }
 
     /// The part of the same schedule that begins when `first` steps are done and ends with at most `count` more, with their numbers and times.
@@ -114,23 +112,17 @@ impl Schedule {
 
     /// The last step is as long as all others and ends, to the bit, when that of a longer schedule does.
     pub fn ends_with_whole_step(&self) -> bool {
-        self.remainder.is_none() && self.duration == self.whole_steps as f64 * self.dt
+        self.last_step == self.dt && self.duration == self.steps as f64 * self.dt
     }
 
     /// Length of step `index`, from 0; `None` when there is no such step.
     pub fn step(&self, index: u64) -> Option<f64> {
-        match self.remainder {
-            _ if index >= self.last => None,
-            _ if index < self.whole_steps => Some(self.dt),
-            Some(remainder) if index == self.whole_steps => Some(remainder),
-            _ => None,
-        }
+        (index < self.last).then(|| if index + 1 < self.steps { self.dt } else { self.last_step })
     }
 
     /// Time since the start after `done` steps: a product, and the duration itself at the end.
     pub fn elapsed(&self, done: u64) -> f64 {
-        let whole = self.whole_steps + u64::from(self.remainder.is_some());
-        if done >= whole { self.duration } else { done as f64 * self.dt }
+        if done >= self.steps { self.duration } else { done as f64 * self.dt }
     }
 }
 
