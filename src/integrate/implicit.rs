@@ -3,7 +3,7 @@
 use super::linear_tolerance::LinearTolerance;
 use super::progressive::Projection;
 use super::stiffness_policy::{StiffnessState, Terms};
-use super::{Regularization, Statistics, StepFailure, StiffnessPolicy, check_room};
+use super::{Regularization, Statistics, StepFailure, StiffnessPolicy, check_room, sum_of_all};
 use crate::error::Result;
 use crate::force::{Configuration, SpringGeometry, add_damping_product, add_elastic_differential};
 use crate::interrupt::Interrupt;
@@ -251,10 +251,6 @@ impl<'s> LinearSystem<'s> {
                     _ => matrix.update_each(extensions, combination, |position| options[position]),
                 }
             }
-            Terms::Whole => {
-                stiffness.dropped = 0;
-                matrix.update(extensions, Stiffness::Full, combination);
-            }
             Terms::Regularized => {
                 let regularization = regularization.get_or_insert_with(|| Regularization::new(system));
                 stiffness.dropped = regularization.update(system, extensions, combination);
@@ -285,8 +281,7 @@ impl<'s> LinearSystem<'s> {
             }
             block.cholesky().map_or(f64::INFINITY, |factor| force.dot(&factor.solve(&force)))
         };
-        let [energy] = system.total([(0..system.own_particles()).map(energy).sum()]);
-        energy
+        sum_of_all(system, energy)
     }
 
     /// Solves `A_ff δx_f = force_f − A_fc δx_c` with the prepared matrix to a relative residual: `tolerance`, or where that is `None`
@@ -325,7 +320,7 @@ impl<'s> LinearSystem<'s> {
         error: impl Fn(&[Vector3<f64>]) -> f64,
     ) -> Result<Solution, SolveFailure> {
         let mut solution = self.solve(None, force, displacement)?;
-        while self.adaptive_tolerance.is_adaptive() {
+        while self.adaptive_tolerance.is_adaptive {
             let error = error(displacement);
             self.adaptive_tolerance.record(error);
             if self.adaptive_tolerance.suffices(self.residual, self.combination.mass, error) {

@@ -70,14 +70,13 @@ pub(super) enum Terms {
     Regularized,
     /// All but those that a [`Projection`](super::progressive::Projection) drops.
     Projected,
-    /// All, in a matrix that is refused where it is indefinite.
-    Whole,
 }
 
 /// The terms of the current matrix, and its definiteness.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StiffnessState {
-    policy: StiffnessPolicy,
+    /// `None` for all terms in a matrix that is refused where it is indefinite.
+    policy: Option<StiffnessPolicy>,
     pub terms: Terms,
     /// Transverse terms of compressed springs that are dropped, or under `absolute` mirrored.
     pub dropped: usize,
@@ -92,17 +91,22 @@ impl StiffnessState {
             StiffnessPolicy::OnDemand => Terms::Of(Stiffness::Full),
             StiffnessPolicy::Progressive => Terms::Projected,
         };
-        Self { policy, terms, dropped: 0, definiteness: Definiteness::Unknown }
+        Self { policy: Some(policy), terms, dropped: 0, definiteness: Definiteness::Unknown }
     }
 
     /// All terms; indefinite matrices are refused.
     pub fn whole() -> Self {
-        Self { terms: Terms::Whole, ..Self::first(StiffnessPolicy::OnDemand) }
+        Self { policy: None, ..Self::first(Stiffness::Full.into()) }
+    }
+
+    /// An option holds, definite or not.
+    fn is_option(&self) -> bool {
+        matches!(self.policy, Some(StiffnessPolicy::Always(_)))
     }
 
     /// The replacement for an indefinite matrix, where the policy has one.
     pub fn softer(&self) -> Option<Self> {
-        let terms = match (self.policy, self.terms) {
+        let terms = match (self.policy?, self.terms) {
             (StiffnessPolicy::OnDemand, Terms::Of(Stiffness::Full)) => Terms::Regularized,
             (StiffnessPolicy::OnDemand, Terms::Regularized) | (StiffnessPolicy::Progressive, Terms::Projected) => {
                 Terms::Of(Stiffness::Tension)
@@ -119,7 +123,7 @@ impl StiffnessState {
     pub fn accept(&mut self, definiteness: Definiteness) -> Result<(), SolveFailure> {
         self.definiteness = definiteness;
         match definiteness {
-            Definiteness::Indefinite { dof, .. } if !matches!(self.policy, StiffnessPolicy::Always(_)) => {
+            Definiteness::Indefinite { dof, .. } if !self.is_option() => {
                 Err(SolveFailure::Indefinite(Evidence::Pivot(dof)))
             }
             _ => Ok(()),
@@ -132,9 +136,8 @@ impl StiffnessState {
             Terms::Of(option) => option == Stiffness::Full,
             Terms::Projected => self.dropped == 0,
             Terms::Regularized => false,
-            Terms::Whole => true,
         };
-        if !matches!(self.policy, StiffnessPolicy::Always(_)) && !is_whole {
+        if !self.is_option() && !is_whole {
             statistics.softened_solves += 1;
             statistics.dropped_terms += self.dropped as u64;
         }
