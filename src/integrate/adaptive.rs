@@ -30,7 +30,7 @@ use crate::error::Invalid;
 use crate::system::{State, System};
 use nalgebra::Vector3;
 use scales::Scales;
-pub(super) use scales::{joint, norm_of_all};
+pub(super) use scales::joint;
 use std::ops::ControlFlow;
 use step_size::Control;
 

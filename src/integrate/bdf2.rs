@@ -64,7 +64,8 @@ impl<'s> Bdf2<'s> {
     fn of(mut linear: LinearSystem<'s>, state: &State) -> Result<Self> {
         let system = linear.system;
         // A correction is of the size of a step's error; without a preconditioner errors may be a hundred times the residuals.
-        linear.adaptive_tolerance.set_floor(1e-7);
+        let strictest = &mut linear.adaptive_tolerance.strictest;
+        *strictest = strictest.max(1e-7);
         Ok(Self {
             newton: Newton::new(linear, state, NewtonOptions::default())?,
             tensions: Tensions::new(system),
@@ -147,8 +148,8 @@ impl TimeStepper for Bdf2<'_> {
             LeadingTerm::BACKWARD_EULER
         };
         error.set_local(system, step, term);
-        error.extrapolate(ratio * ratio / (1.0 + 2.0 * ratio));
-        error.add_local();
+        let beta = ratio * ratio / (1.0 + 2.0 * ratio);
+        error.change(|e, before, local| (*before, *e) = (*e, *e + (*e - *before) * beta + local));
         self.newton.resolve(duration(step.length, ratio), error);
         true
     }

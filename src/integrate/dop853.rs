@@ -33,12 +33,12 @@
 
 mod coefficients;
 
-use super::adaptive::{hermite, joint, norm_of_all};
+use super::adaptive::{hermite, joint};
 use super::explicit::check_explicit;
 use super::substeps::substeps;
 use super::{
     AdaptiveStepper, CompletedStep, ErrorEstimate, PropagatedError, Statistics, StepFailure, TimeStepper, fits,
-    zero_prescribed,
+    free_square, norm_of_all, zero_prescribed,
 };
 use crate::error::Result;
 use crate::force::set_total_force;
@@ -243,9 +243,8 @@ impl<'s> Dop853<'s> {
             let s = share;
             let x = x0 + (v0 + a0 * (0.5 * s * h)) * (s * h) + (third + (fourth + fifth * s) * s) * (s * s * s);
             let v = v0 + a0 * (s * h) + (third * 3.0 + (fourth * 4.0 + fifth * (5.0 * s)) * s) * (s * s / h);
-            let free = |vector| system.dofs().free_axes(p).project(&vector).norm_squared();
-            apart[0] += free(sample.positions[p] - x);
-            apart[1] += free(sample.velocities[p] - v);
+            apart[0] += free_square(system, p, &(sample.positions[p] - x));
+            apart[1] += free_square(system, p, &(sample.velocities[p] - v));
             let rounding = 64.0 * f64::EPSILON;
             allowed[0] += 25.0 * error_x[p].norm_squared() + (rounding * x.norm()).powi(2);
             allowed[1] += 25.0 * error_v[p].norm_squared() + (rounding * v.norm()).powi(2);
@@ -315,8 +314,7 @@ impl TimeStepper for Dop853<'_> {
             self.statistics.work.force_evaluations += std::mem::take(&mut twin.statistics.work.force_evaluations);
         }
         let [x, v] = &self.estimates[0];
-        let size = norm_of_all(system, x);
-        error.set_local_to(system, if size > 0.0 { self.local_error / size } else { 0.0 }, [x, v]);
+        error.set_local_to(system, self.local_error, [x, v]);
         error.add_local();
         true
     }

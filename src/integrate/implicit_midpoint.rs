@@ -60,11 +60,9 @@ impl TimeStepper for ImplicitMidpoint<'_> {
         }
         // (1 + z/2)/(1 − z/2) = 2w − 1, and δ stands in the implicit equations: e' = w (2e + δ) − e.
         error.set_local(system, step, LeadingTerm::IMPLICIT_MIDPOINT);
-        error.keep();
-        error.scale(2.0);
-        error.add_local();
+        error.change(|e, kept, local| (*kept, *e) = (*e, *e * 2.0 + local));
         self.newton.resolve(0.5 * step.length, error);
-        error.add_kept(-1.0);
+        error.change(|e, kept, _| *e -= *kept);
         true
     }
 }

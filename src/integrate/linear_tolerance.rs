@@ -13,6 +13,7 @@
 //! [`Tolerance::STRICT`]. No residual is larger than θ ‖b‖₂. Where compressed springs make S indefinite and A still definite, the bound is not
 //! proven.
 
+use super::{free_square, sum_of_all};
 use crate::linear::Tolerance;
 use crate::system::System;
 use nalgebra::Vector3;
@@ -24,9 +25,9 @@ const LARGEST_SHARE: f64 = 1e-3;
 /// The errors of steps, and the tolerances that follow for solvers.
 #[derive(Debug, Clone)]
 pub(super) struct LinearTolerance {
-    is_adaptive: bool,
+    pub is_adaptive: bool,
     /// The smallest relative residual that is asked for.
-    strictest: f64,
+    pub strictest: f64,
     /// √m_min over free particles, in √kg.
     root_mass: f64,
     /// ‖E‖_M of the last step, in m √kg; `None` where it is not known.
@@ -41,19 +42,6 @@ impl LinearTolerance {
         let strictest = tolerance.strictest();
         let is_adaptive = tolerance == Tolerance::Adaptive;
         Self { is_adaptive, strictest, root_mass: lightest.sqrt(), error: None, last: strictest }
-    }
-
-    pub fn is_adaptive(&self) -> bool {
-        self.is_adaptive
-    }
-
-    pub fn strictest(&self) -> f64 {
-        self.strictest
-    }
-
-    /// Raises the smallest relative residual that is asked for to at least this.
-    pub fn set_floor(&mut self, residual: f64) {
-        self.strictest = self.strictest.max(residual);
     }
 
     /// Records ‖E‖_M of a step, in m √kg.
@@ -84,23 +72,14 @@ impl LinearTolerance {
 
 /// `√(dᵀ M d)` over free coordinates, of all parts of a system together.
 pub(super) fn mass_norm(system: &System, d: impl Fn(usize) -> Vector3<f64>) -> f64 {
-    let dofs = system.dofs();
-    let own = system.masses().iter().enumerate().take(system.own_particles());
-    let squares = own.map(|(p, mass)| {
-        let d = d(p);
-        mass * dofs.free_axes(p).iter().map(|axis| d[axis] * d[axis]).sum::<f64>()
-    });
-    let [square] = system.total([squares.sum()]);
-    square.sqrt()
+    sum_of_all(system, |p| system.masses()[p] * free_square(system, p, &d(p))).sqrt()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{LARGEST_SHARE, LinearTolerance, SHARE, mass_norm};
-    use crate::linear::Tolerance;
+    use super::*;
     use crate::spring::Spring;
     use crate::system::fixtures::tethered;
-    use nalgebra::Vector3;
 
     /// The free particle has 4 kg: 10⁻⁴ · 3 m √kg · 2 √kg · 5/s² over 8 N.
     #[test]
@@ -120,12 +99,12 @@ mod tests {
         assert_eq!(tolerance.next(0.0, 5.0), SHARE);
         tolerance.record(0.0);
         assert_eq!((tolerance.next(8.0, 5.0), tolerance.next(0.0, 5.0)), (1e-10, 1e-10));
-        tolerance.set_floor(1e-7);
-        assert_eq!((tolerance.next(8.0, 5.0), tolerance.strictest()), (1e-7, 1e-7));
+        tolerance.strictest = 1e-7;
+        assert_eq!(tolerance.next(8.0, 5.0), 1e-7);
 
         let mut fixed = LinearTolerance::new(&system, Tolerance::Fixed(1e-5));
         fixed.record(1e9);
-        assert_eq!((fixed.next(1.0, 1.0), fixed.is_adaptive()), (1e-5, false));
+        assert_eq!((fixed.next(1.0, 1.0), fixed.is_adaptive), (1e-5, false));
 
         let largest = LARGEST_SHARE * 3.0 * 2.0 * 5.0;
         assert!(tolerance.suffices(0.0, 5.0, f64::NAN) && !tolerance.suffices(1.0, 5.0, f64::NAN));

@@ -98,22 +98,19 @@ impl<'s> Matrices<'s> {
         set: impl Fn(&mut SystemOperator<'s>, &SpringGeometry, Combination),
     ) -> Result<()> {
         state.check(self.system)?;
-        let (extensions, mut operator) = match self.at.take() {
-            Some(Linearization { mut extensions, operator, .. }) => {
-                extensions.update(self.system, state)?;
-                (extensions, operator)
-            }
-            None => {
-                let extensions = SpringGeometry::at(self.system, state)?;
-                let operator = SystemOperator::new(self.system, &extensions, option, Combination::STIFFNESS);
-                (extensions, operator)
-            }
+        let mut at = if let Some(mut last) = self.at.take() {
+            last.extensions.update(self.system, state)?;
+            Linearization { option, ..last }
+        } else {
+            let extensions = SpringGeometry::at(self.system, state)?;
+            let operator = SystemOperator::new(self.system, &extensions, option, Combination::STIFFNESS);
+            Linearization { extensions, operator, option }
         };
         for (matrix, combination) in [(&mut self.k, Combination::STIFFNESS), (&mut self.g, Combination::DAMPING)] {
-            set(&mut operator, &extensions, combination);
-            matrix.refill(&operator);
+            set(&mut at.operator, &at.extensions, combination);
+            matrix.refill(&at.operator);
         }
-        self.at = Some(Linearization { extensions, operator, option });
+        self.at = Some(at);
         Ok(())
     }
 

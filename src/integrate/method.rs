@@ -169,15 +169,14 @@ impl Method {
         state: &State,
         options: &ImplicitOptions,
     ) -> Result<Box<dyn TimeStepper + Send + 's>> {
+        let newton = NewtonOptions::default();
         Ok(match self {
             Self::LinearBackwardEuler => Box::new(LinearBackwardEuler::new(system, state, options)?),
-            Self::BackwardEuler => Box::new(BackwardEuler::new(system, state, options, NewtonOptions::default())?),
+            Self::BackwardEuler => Box::new(BackwardEuler::new(system, state, options, newton)?),
             Self::Bdf2 => Box::new(Bdf2::new(system, state, options)?),
             Self::W2 => Box::new(WMethod::new(system, state, options)?),
-            Self::ImplicitMidpoint => {
-                Box::new(ImplicitMidpoint::new(system, state, options, NewtonOptions::default())?)
-            }
             Self::Rodas4 => Box::new(Rodas4::new(system, state, options)?),
+            Self::ImplicitMidpoint => Box::new(ImplicitMidpoint::new(system, state, options, newton)?),
             Self::Verlet => Box::new(Verlet::new(system, state)?),
             Self::Dop853 => Box::new(Dop853::new(system, state)?),
             Self::ForwardEuler => Box::new(ExplicitEuler::forward(system, state)?),

@@ -170,6 +170,22 @@ fn fits(system: &System, error: &PropagatedError, step: &CompletedStep) -> bool 
     error.fits(system) && step.before.check(system).is_ok() && step.after.check(system).is_ok()
 }
 
+/// A sum over the particles of all parts of a system.
+fn sum_of_all(system: &System, of: impl Fn(usize) -> f64) -> f64 {
+    let [sum] = system.total([(0..system.own_particles()).map(of).sum()]);
+    sum
+}
+
+/// Euclidean, over the particles of all parts of a system.
+fn norm_of_all(system: &System, vectors: &[Vector3<f64>]) -> f64 {
+    sum_of_all(system, |p| vectors[p].norm_squared()).sqrt()
+}
+
+/// `‖v‖²` of a particle's vector on its free axes.
+fn free_square(system: &System, particle: usize, v: &Vector3<f64>) -> f64 {
+    system.dofs().free_axes(particle).project(v).norm_squared()
+}
+
 /// Zeros the prescribed components of full-length vectors.
 fn zero_prescribed(system: &System, vectors: &mut [Vector3<f64>]) {
     for (dof, ..) in system.prescribed().iter() {

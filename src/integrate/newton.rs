@@ -31,7 +31,7 @@ mod control;
 pub(super) use control::Forcing;
 
 use super::implicit::LinearSystem;
-use super::{NotSolved, PropagatedError, StepFailure, StiffnessPolicy};
+use super::{NotSolved, PropagatedError, StepFailure, StiffnessPolicy, free_square, sum_of_all};
 use crate::error::{Invalid, Result};
 use crate::force::{add_damping_differential, add_damping_force, add_elastic_force, add_external_forces, add_weight};
 use crate::linear::SolveFailure;
@@ -138,7 +138,7 @@ impl<'s> Newton<'s> {
         ends_early: bool,
     ) -> Result<(), StepFailure> {
         let mut choice = MatrixChoice::new(policy);
-        let mut forcing = Forcing::new(self.linear.adaptive_tolerance.strictest());
+        let mut forcing = Forcing::new(self.linear.adaptive_tolerance.strictest);
         let mut iterations = 0;
         let mut recent = [f64::NEG_INFINITY; 10];
         loop {
@@ -381,16 +381,11 @@ impl<'s> Newton<'s> {
 }
 
 fn dot(system: &System, a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
-    let [dot] = system.total([a.iter().zip(b).take(system.own_particles()).map(|(a, b)| a.dot(b)).sum()]);
-    dot
+    sum_of_all(system, |p| a[p].dot(&b[p]))
 }
 
 fn free_norm(system: &System, v: &[Vector3<f64>]) -> f64 {
-    let dofs = system.dofs();
-    let own = v.iter().enumerate().take(system.own_particles());
-    let squares = own.map(|(p, v)| dofs.free_axes(p).iter().map(|axis| v[axis] * v[axis]).sum::<f64>());
-    let [square] = system.total([squares.sum()]);
-    square.sqrt()
+    sum_of_all(system, |p| free_square(system, p, &v[p])).sqrt()
 }
 
 /// True if another start may help: where the iteration is stuck, but not where it takes too long or a matrix is refused.

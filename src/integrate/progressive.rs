@@ -8,6 +8,7 @@
 //! Source: Fernández-Fernández, Löschner and Bender, "Progressively Projected Newton's Method", Computer Graphics Forum 45(2), 2026
 //! (arXiv 2505.21013), for elements of any energy; the halves and doubles are theirs.
 
+use super::free_square;
 use crate::force::SpringGeometry;
 use crate::spring::Stiffness;
 use crate::system::System;
@@ -43,12 +44,9 @@ impl Projection {
     pub fn begin(&mut self, system: &System, r: &[Vector3<f64>]) {
         self.threshold *= 2.0;
         for (p, (size, r)) in self.residuals.iter_mut().zip(r).enumerate() {
-            let squares = system.dofs().free_axes(p).iter().map(|axis| r[axis] * r[axis]);
-            size.x = squares.sum::<f64>().sqrt();
+            size.x = free_square(system, p, r).sqrt();
         }
-        if let Some(peers) = system.communicator() {
-            peers.halo_exchange(&mut self.residuals);
-        }
+        system.halo_exchange(&mut self.residuals);
         let own = self.residuals.iter().take(system.own_particles());
         [self.largest] = system.largest([own.fold(0.0, |largest: f64, size| largest.max(size.x))]);
     }

@@ -17,7 +17,7 @@
 //! see [`LinearSystem::resolve`](super::implicit::LinearSystem::resolve). For explicit methods it is the difference quotient of the step itself, from
 //! a state displaced by ε e: one more force evaluation for each of the step's. Beyond twice the extent of the scene e grows no further.
 
-use super::adaptive::norm_of_all;
+use super::norm_of_all;
 use crate::force::{SpringGeometry, add_force_rate};
 use crate::system::{Axes, State, StateView, System};
 use nalgebra::Vector3;
@@ -70,7 +70,7 @@ pub struct PropagatedError {
     /// The rate at which the errors of velocities change, for Verlet's method.
     #[serde(with = "rows")]
     pub(super) accelerations: Vec<Vector3<f64>>,
-    /// e one step earlier, for a method of two steps.
+    /// e one step earlier, for a method of two steps, or earlier in the same step.
     #[serde(with = "rows")]
     pub(super) positions_before: Vec<Vector3<f64>>,
     #[serde(with = "rows")]
@@ -239,8 +239,10 @@ impl PropagatedError {
         }
     }
 
-    /// Sets δ to the method's own estimate, scaled.
-    pub(super) fn set_local_to(&mut self, system: &System, scale: f64, [x, v]: [&[Vector3<f64>]; 2]) {
+    /// Sets δ to the method's own estimate, scaled to a local error of the positions, in m.
+    pub(super) fn set_local_to(&mut self, system: &System, local_error: f64, [x, v]: [&[Vector3<f64>]; 2]) {
+        let size = norm_of_all(system, x);
+        let scale = if size > 0.0 { local_error / size } else { 0.0 };
         for p in 0..self.positions.len() {
             let free = system.dofs().free_axes(p);
             self.local_positions[p] = free.project(&(x[p] * scale));
@@ -255,10 +257,15 @@ impl PropagatedError {
         self.balanced += balanced;
     }
 
+    /// Changes every vector of e, and of the e that is kept, by them and δ.
+    pub(super) fn change(&mut self, change: impl Fn(&mut Vector3<f64>, &mut Vector3<f64>, &Vector3<f64>)) {
+        let positions = self.positions.iter_mut().zip(&mut self.positions_before).zip(&self.local_positions);
+        let velocities = self.velocities.iter_mut().zip(&mut self.velocities_before).zip(&self.local_velocities);
+        positions.chain(velocities).for_each(|((e, kept), local)| change(e, kept, local));
+    }
+
     pub(super) fn add_local(&mut self) {
-        let positions = self.positions.iter_mut().zip(&self.local_positions);
-        let velocities = self.velocities.iter_mut().zip(&self.local_velocities);
-        positions.chain(velocities).for_each(|(e, local)| *e += local);
+        self.change(|e, _, local| *e += local);
     }
 
     /// Adds the errors of velocities that a step leaves where a force jumps by Δf within it, ½ h Δf/m, which differences of velocities do not see: the
@@ -294,34 +301,6 @@ impl PropagatedError {
                 let half = jump * (0.5 * sign * step.length / system.masses()[p]);
                 self.velocities[p] += system.dofs().free_axes(p).project(&half);
             }
-        }
-    }
-
-    pub(super) fn scale(&mut self, s: f64) {
-        self.positions.iter_mut().chain(&mut self.velocities).for_each(|e| *e *= s);
-    }
-
-    /// Saves e for [`add_kept`](Self::add_kept).
-    pub(super) fn keep(&mut self) {
-        self.positions_before.copy_from_slice(&self.positions);
-        self.velocities_before.copy_from_slice(&self.velocities);
-    }
-
-    /// `e += s e_saved`.
-    pub(super) fn add_kept(&mut self, s: f64) {
-        let positions = self.positions.iter_mut().zip(&self.positions_before);
-        let velocities = self.velocities.iter_mut().zip(&self.velocities_before);
-        positions.chain(velocities).for_each(|(e, saved)| *e += saved * s);
-    }
-
-    /// `e₋, e ← e, e + β (e − e₋)`.
-    pub(super) fn extrapolate(&mut self, beta: f64) {
-        let positions = self.positions.iter_mut().zip(&mut self.positions_before);
-        let velocities = self.velocities.iter_mut().zip(&mut self.velocities_before);
-        for (e, before) in positions.chain(velocities) {
-            let now = *e;
-            *e += (now - *before) * beta;
-            *before = now;
         }
     }
 

@@ -34,13 +34,12 @@
 //! Source: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.7, IV.10, and their code rodas.f (METH = 1), whose coefficients these
 //! are.
 
-use super::adaptive::norm_of_all;
 use super::implicit::{ImplicitOptions, LinearSystem, of_linear_system};
 use super::linear_tolerance::mass_norm;
 use super::substeps::{Substep, substeps};
 use super::{
     AdaptiveStepper, CompletedStep, ErrorEstimate, PropagatedError, Statistics, StepFailure, StiffnessPolicy,
-    TimeStepper, fits, zero_prescribed,
+    TimeStepper, fits, norm_of_all, zero_prescribed,
 };
 use crate::error::{Error, Result};
 use crate::force::{SpringGeometry, add_damping_differential, add_damping_product, add_force_rate, set_total_force};
@@ -170,7 +169,7 @@ impl<'s> Rodas4<'s> {
         // A step that is not accurate enough is computed again, twice at most; its error then hardly changes.
         for _ in 0..3 {
             let inertia = self.compute(h)?;
-            if !self.linear.adaptive_tolerance.is_adaptive() {
+            if !self.linear.adaptive_tolerance.is_adaptive {
                 return Ok(());
             }
             // In the norm of M a tenth of the local error: the new state has up to thirteen times the error of a stage.
@@ -384,15 +383,13 @@ impl TimeStepper for Rodas4<'_> {
         }
         let parts = (step.length / *part).round().clamp(1.0, 1.0 / SHORTEST_PART);
         for _ in 0..2 * parts as u32 {
-            error.keep();
+            error.change(|e, kept, _| *kept = *e);
             b.fill(Vector3::zeros());
             linear.resolve(GAMMA * *part, [&mut error.positions, &mut error.velocities], b, corrected);
-            error.scale(2.0);
-            error.add_kept(-1.0);
+            error.change(|e, kept, _| *e = *e * 2.0 - *kept);
         }
-        let [x, v] = [&displacements[STAGES - 1], &velocities[STAGES - 1]];
-        let size = norm_of_all(linear.system, x);
-        error.set_local_to(linear.system, if size > 0.0 { *local_error / size } else { 0.0 }, [x, v]);
+        let embedded = [&displacements[STAGES - 1][..], &velocities[STAGES - 1]];
+        error.set_local_to(linear.system, *local_error, embedded);
         error.add_local();
         true
     }

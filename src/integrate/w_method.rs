@@ -213,7 +213,7 @@ fn solve_stage(
         *s -= minus_r * (mass / tau);
     }
     add_damping_product(system, &linear.extensions, minus_r, s);
-    let solution = linear.solve(Some(linear.adaptive_tolerance.strictest()), s, u)?;
+    let solution = linear.solve(Some(linear.adaptive_tolerance.strictest), s, u)?;
     linear.statistics.record_residual(solution.relative_residual);
     for u in u {
         *u /= tau;
@@ -249,12 +249,10 @@ impl TimeStepper for WMethod<'_> {
         let tau = gamma * step.length;
         s.fill(Vector3::zeros());
         linear.resolve(tau, [&mut error.positions, &mut error.velocities], s, first);
-        error.keep();
-        error.scale(1.0 + c);
-        error.add_local();
+        error.change(|e, kept, local| (*kept, *e) = (*e, *e * (1.0 + c) + local));
         s.fill(Vector3::zeros());
         linear.resolve(tau, [&mut error.positions, &mut error.velocities], s, first);
-        error.add_kept(-c);
+        error.change(|e, kept, _| *e -= *kept * c);
         true
     }
 }

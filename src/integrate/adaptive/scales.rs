@@ -126,12 +126,6 @@ fn spread(positions: &[Vector3<f64>]) -> f64 {
     if spread > 1e-24 * largest { spread.sqrt() } else { 0.0 }
 }
 
-/// Euclidean, over the particles of all parts of a system.
-pub(in crate::integrate) fn norm_of_all(system: &System, vectors: &[Vector3<f64>]) -> f64 {
-    let own = vectors.iter().take(system.own_particles()).map(|v| v.norm_squared()).sum::<f64>();
-    let [squared] = system.total([own]);
-    squared.sqrt()
-}
 fn norm(vectors: &[Vector3<f64>]) -> f64 {
     vectors.iter().map(|v| v.norm_squared()).sum::<f64>().sqrt()
 }

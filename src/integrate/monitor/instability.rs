@@ -24,7 +24,7 @@
 
 use super::energy_balance::{EnergyBalance, Free};
 use crate::force::set_other_forces;
-use crate::integrate::StepFailure;
+use crate::integrate::{StepFailure, free_square, sum_of_all};
 use crate::system::{State, StateView, System};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -103,9 +103,7 @@ fn fall(system: &System, at: &StateView<'_>, from: Option<&StateView<'_>>) -> f6
     };
     let (mut force, from) = (forces(at), from.map(forces));
     force.iter_mut().zip(from.iter().flatten()).for_each(|(f, from)| *f -= from);
-    let of = |p: usize| 0.5 * system.dofs().free_axes(p).project(&force[p]).norm_squared() / system.masses()[p];
-    let [sum] = system.total([(0..system.own_particles()).map(of).sum()]);
-    sum
+    sum_of_all(system, |p| 0.5 * free_square(system, p, &force[p]) / system.masses()[p])
 }
 
 impl GrowthRecord {

@@ -13,15 +13,13 @@ mod work;
 pub use energy_balance::Balance;
 pub use indicators::{ErrorIndicators, INACCURATE, percent, threshold};
 
-use super::adaptive::norm_of_all;
-use super::{CompletedStep, PropagatedError, StepFailure, TimeStepper};
+use super::{CompletedStep, PropagatedError, StepFailure, TimeStepper, free_square, sum_of_all};
 use crate::error::Result;
 use crate::force::{Energy, SpringEnergies};
 use crate::memory;
 use crate::system::{State, System, extent};
 use energy_balance::{EnergyBalance, ParticleSums};
 use instability::{GrowthRecord, SavedState};
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use work::Work;
 
@@ -275,9 +273,8 @@ impl<'s> Monitor<'s> {
         let extent = extent(Some(self.system), &state.positions, &self.start.positions);
         let error = error.as_ref().filter(|_| *steps > 0);
         // Every step rounds the positions that move; without an error nothing does.
-        let free = |(p, x): (usize, &Vector3<f64>)| self.system.dofs().free_axes(p).project(x);
-        let moving: Vec<_> = state.positions.iter().enumerate().map(free).collect();
-        let rounding = 0.5 * f64::EPSILON * (*steps as f64).sqrt() * norm_of_all(self.system, &moving);
+        let moving = sum_of_all(self.system, |p| free_square(self.system, p, &state.positions[p])).sqrt();
+        let rounding = 0.5 * f64::EPSILON * (*steps as f64).sqrt() * moving;
         let estimate = error.map(|error| error.norm(self.system));
         let estimate = estimate.map(|error| if error > 0.0 { error.max(rounding) } else { error } / extent);
         ErrorIndicators {

@@ -85,17 +85,16 @@ impl MatrixChoice {
 
     /// Records an iteration: its step along the direction, the ratio of residuals after and before it, and whether its matrix was regularized.
     pub fn record(&mut self, step: f64, ratio: f64, is_regularized: bool) {
+        let NewtonMatrix::Policy(policy) = self.matrix else { return };
         let is_slow = step < 0.25 || ratio > 0.25;
-        match self.matrix {
-            NewtonMatrix::Policy(policy) if is_slow && policy != StiffnessPolicy::Always(Stiffness::Full) => {
-                self.slow_iterations += u32::from(is_regularized);
-                self.matrix = match policy {
-                    _ if self.slow_iterations >= 4 => NewtonMatrix::Shifted(LEAST_SHIFT),
-                    StiffnessPolicy::Progressive => NewtonMatrix::Policy(policy),
-                    _ => NewtonMatrix::Policy(StiffnessPolicy::OnDemand),
-                };
-            }
-            _ => {}
+        if !is_slow || policy == StiffnessPolicy::Always(Stiffness::Full) {
+            return;
+        }
+        self.slow_iterations += u32::from(is_regularized);
+        if self.slow_iterations >= 4 {
+            self.matrix = NewtonMatrix::Shifted(LEAST_SHIFT);
+        } else if policy != StiffnessPolicy::Progressive {
+            self.matrix = NewtonMatrix::Policy(StiffnessPolicy::OnDemand);
         }
     }
 }
