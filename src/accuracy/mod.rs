@@ -99,26 +99,22 @@ mod tests {
 
     #[test]
     fn error_is_relative_to_the_extent_and_blind_to_the_origin() {
-        let at = |shift: f64| vec![Vector3::new(shift - 3.0, 0.0, 0.0), Vector3::new(shift + 3.0, 0.0, 0.0)];
-        let off = |shift: f64| vec![Vector3::new(shift - 3.0, 0.0, 0.0), Vector3::new(shift + 3.0, 0.3, 0.0)];
+        let at = |shift: f64, y: f64| [Vector3::new(shift - 3.0, 0.0, 0.0), Vector3::new(shift + 3.0, y, 0.0)];
         for shift in [0.0, 1000.0] {
-            let error = relative_position_error(&off(shift), &at(shift), &at(shift));
+            let error = relative_position_error(&at(shift, 0.3), &at(shift, 0.0), &at(shift, 0.0));
             assert!((error - 0.3 / 18f64.sqrt()).abs() < 1e-12);
         }
     }
 
+    /// An undefined position gives an undefined error.
     #[test]
     fn one_particle_is_measured_by_its_way() {
-        let point = |x: f64| vec![Vector3::new(x, 0.0, 0.0)];
-        assert_eq!(relative_position_error(&point(2.5), &point(2.0), &point(-2.0)), 0.125);
-        assert_eq!(relative_position_error(&point(2.5), &point(2.0), &point(2.0)), 0.5);
-        assert_eq!(relative_position_error(&point(2.0), &point(2.0), &point(2.0)), 0.0);
-    }
-
-    #[test]
-    fn an_undefined_position_gives_an_undefined_error() {
-        let x = [Vector3::new(f64::NAN, 0.0, 0.0)];
-        assert!(relative_position_error(&x, &[Vector3::zeros()], &[Vector3::zeros()]).is_nan());
+        let error = |places: [f64; 3]| {
+            let [x, reference, start] = places.map(|x| [Vector3::new(x, 0.0, 0.0)]);
+            relative_position_error(&x, &reference, &start)
+        };
+        assert_eq!([[2.5, 2.0, -2.0], [2.5, 2.0, 2.0], [2.0, 2.0, 2.0]].map(error), [0.125, 0.5, 0.0]);
+        assert!(error([f64::NAN, 0.0, 0.0]).is_nan());
     }
 
     /// 1 m where nothing has a length; a spread by rounding is none.

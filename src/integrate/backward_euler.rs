@@ -177,17 +177,13 @@ impl TimeStepper for BackwardEuler<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::advance;
-    use crate::integrate::StepFailure;
-    use crate::system::{State, SystemBuilder};
-    use nalgebra::Vector3;
+    use super::*;
+    use crate::integrate::fixtures::scene;
 
     /// Positions, velocities or times that would overflow are refused, and the state is unchanged.
     #[test]
     fn states_stay_finite() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.9e150, -0.9e150, 0.0], 1.0);
-        let (system, start) = builder.build().unwrap();
+        let (system, start) = scene(&[([0.9e150, -0.9e150, 0.0], 1.0)], &[]).build().unwrap();
         let step = |time: f64, displacement: [f64; 3], dt: f64| {
             let start = State { time, ..start.clone() };
             let mut state = start.clone();

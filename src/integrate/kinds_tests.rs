@@ -1,11 +1,13 @@
 //! Springs without a rest length, spring laws, and external forces with derivatives: forces against matrices, and motions of several methods against
 //! exact ones and each other.
 
-use super::{ImplicitOptions, LinearBackwardEuler, Method, Monitor, MonitorOptions, StepMatrices, TimeStepper, Verlet};
+use super::fixtures::{scene, stepper};
+use super::*;
 use crate::force::{Energy, Reactions, set_total_force};
 use crate::spring::{LawValue, Spring, SpringLaw, Stiffness, Tension};
-use crate::system::{Axes, Constraint, Derivatives, ExternalForce, Motion, State, StateView, System, SystemBuilder};
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use crate::system::fixtures::tethered;
+use crate::system::{Axes, Constraint, Derivatives, ExternalForce, Motion, StateView, SystemBuilder};
+use nalgebra::{DMatrix, Matrix3};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -110,13 +112,8 @@ fn matrices_are_derivatives_of_forces() {
 /// A particle on a spring without a rest length, 4 N/m and 1 kg, that starts where it is held at 1 m/s: x = sin(2t)/2, through zero after π/2.
 #[test]
 fn springs_without_a_rest_length_pass_through_zero() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([0.0; 3], 1.0);
-    builder.velocities[1] = Vector3::new(0.6, 0.0, 0.8);
-    builder.spring(0, 1, Spring { stiffness: 4.0, rest_length: 0.0, damping: 0.0 });
-    builder.hold(0);
-    let (system, start) = builder.build().unwrap();
+    let (system, mut start) = tethered(0.0, 1.0, Spring { stiffness: 4.0, rest_length: 0.0, damping: 0.0 });
+    start.velocities[1] = Vector3::new(0.6, 0.0, 0.8);
     // Errors of about h, h² and h⁴ times some powers of ω = 2/s.
     for (method, steps, most) in [
         (Method::LinearBackwardEuler, 1000, 2e-2),
@@ -126,8 +123,7 @@ fn springs_without_a_rest_length_pass_through_zero() {
         (Method::Rodas4, 1000, 1e-10),
         (Method::Dop853, 100, 1e-10),
     ] {
-        let mut state = start.clone();
-        let mut stepper = method.stepper(&system, &start, &ImplicitOptions::default()).unwrap();
+        let (mut state, mut stepper) = (start.clone(), stepper(method, &system, &start));
         (0..steps).for_each(|_| stepper.step(&mut state, 2.0 / f64::from(steps)).unwrap());
         let error = (state.positions[1] - Vector3::new(0.6, 0.0, 0.8) * (0.5 * 4.0_f64.sin())).norm();
         assert!(error < most, "{}: {error:e}", method.name());
@@ -138,16 +134,15 @@ fn springs_without_a_rest_length_pass_through_zero() {
 #[test]
 fn a_stiff_floor_is_the_same_to_all_methods() {
     let (system, start) = falling();
-    let run = |stepper: &mut dyn TimeStepper, dt: f64| {
-        let mut state = start.clone();
+    let run = |method: Method, dt: f64| {
+        let (mut state, mut stepper) = (start.clone(), stepper(method, &system, &start));
         (0..(0.25 / dt).round() as u32).for_each(|_| stepper.step(&mut state, dt).unwrap());
         state.positions
     };
-    let exact = run(&mut Verlet::new(&system, &start).unwrap(), 1e-5);
-    let error = |found: Vec<Vector3<f64>>| found.iter().zip(&exact).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+    let exact = run(Method::Verlet, 1e-5);
     let errors = [Method::LinearBackwardEuler, Method::Bdf2, Method::W2, Method::Rodas4].map(|method| {
-        let mut stepper = method.stepper(&system, &start, &ImplicitOptions::default()).unwrap();
-        error(run(&mut *stepper, 1e-3))
+        let found = run(method, 1e-3);
+        found.iter().zip(&exact).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
     });
     // The patch is 0.3 m wide. Contact begins within a step, where the floor's damping jumps, which costs every method an error of first order in it.
     assert!(errors.iter().all(|&error| error < 1e-2), "{errors:?}");
@@ -176,9 +171,7 @@ impl ExternalForce for Saddle {
 
 #[test]
 fn options_keep_the_stable_part_of_forces_from_outside() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.1, 0.2, 0.0], 1.0);
-    let (system, state) = builder.build().unwrap();
+    let (system, state) = scene(&[([0.1, 0.2, 0.0], 1.0)], &[]).build().unwrap();
     let system = system.with_external_force(Saddle);
     let k = |option| DMatrix::from(&StepMatrices::assemble(&system, &state, option, 1.0).unwrap().k.to_csc());
     assert_eq!((k(Stiffness::Full)[(1, 0)], k(Stiffness::Full)[(0, 0)]), (50.0, 0.0));
@@ -186,8 +179,7 @@ fn options_keep_the_stable_part_of_forces_from_outside() {
     assert!((stable[(0, 0)] + 25.0).abs() < 1e-12 && (stable[(1, 0)] - 25.0).abs() < 1e-12, "{stable}");
     // 1/dt² = 1 is less than 50: the default takes the stable part.
     let mut moved = state.clone();
-    let mut stepper = LinearBackwardEuler::new(&system, &state, &ImplicitOptions::default()).unwrap();
-    stepper.step(&mut moved, 1.0).unwrap();
+    stepper(Method::LinearBackwardEuler, &system, &state).step(&mut moved, 1.0).unwrap();
     assert!(moved.is_finite());
 }
 
@@ -233,17 +225,11 @@ impl SpringLaw for AtOnce {
 
 /// A damped chain with one end held and the other on a path with a kink; the last spring is between prescribed particles.
 fn chain() -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.gravity(0.0, -9.81, 0.0);
-    for p in 0..8 {
-        let p = p as f64;
-        builder.particle([p, 0.1 * p * p, 0.3 * (p % 3.0)], 1.0 + 0.2 * p);
-    }
-    for p in 0..7 {
-        let rest_length = 0.9 + 0.05 * p as f64;
-        builder.spring(p, p + 1, Spring { stiffness: 150.0 + p as f64, rest_length, damping: 0.2 * (p % 2) as f64 });
-    }
-    builder.hold(0);
+    let numbers = std::array::from_fn::<_, 8, _>(|p| p as f64);
+    let particles = numbers.map(|p| ([p, 0.1 * p * p, 0.3 * (p % 3.0)], 1.0 + 0.2 * p));
+    let springs = numbers.map(|p| (p as usize, p as usize + 1, [150.0 + p, 0.9 + 0.05 * p, 0.2 * (p % 2.0)]));
+    let mut builder = scene(&particles, &springs[..7]);
+    builder.gravity(0.0, -9.81, 0.0).hold(0);
     let offsets = [0.0, 0.02, 0.01].map(Vector3::repeat).into();
     let motion = Motion::Path { times: vec![0.0, 0.013, 0.03], offsets };
     builder.constrain(Constraint { particles: vec![6, 7], axes: Axes::first(3), motion });
@@ -265,8 +251,7 @@ fn laws_are_evaluated_at_once() {
     assert_eq!(calls.swap(0, Ordering::Relaxed), 3);
     for method in Method::ALL {
         let [one, all] = systems.each_ref().map(|system| {
-            let mut state = start.clone();
-            let mut stepper = method.stepper(system, &state, &ImplicitOptions::default()).unwrap();
+            let (mut state, mut stepper) = (start.clone(), stepper(method, system, &start));
             let mut monitor = Monitor::new(system, &state, MonitorOptions::default()).unwrap();
             for step in 1..=10 {
                 stepper.step(&mut state, 2e-3).unwrap();

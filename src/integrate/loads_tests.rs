@@ -1,16 +1,13 @@
 //! Runs under gravity and rest lengths that change in time: where steps are divided, and what energies and errors are known.
 
-use super::{ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, Schedule, Status, advance, run, run_monitored};
-use crate::spring::Spring;
-use crate::system::{Actuation, Behaviour, Curve, ExternalForce, Loads, State, StateView, System, SystemBuilder};
-use nalgebra::Vector3;
+use super::fixtures::{actuated, monitored, particles, scene, stepper};
+use super::*;
+use crate::system::{Curve, ExternalForce, Loads, StateView};
 use std::ops::ControlFlow;
 
 /// A free particle of 2 kg under gravity along y.
 fn falling(times: &[f64], values: &[f64]) -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 2.0);
-    let (system, start) = builder.build().unwrap();
+    let (system, start) = scene(&[([0.0; 3], 2.0)], &[]).build().unwrap();
     let values = values.iter().map(|&y| Vector3::new(0.0, y, 0.0)).collect();
     let gravity = Some(Curve { times: times.to_vec(), values });
     (system.with_loads(Loads { gravity, ..Loads::default() }).unwrap(), start)
@@ -18,32 +15,12 @@ fn falling(times: &[f64], values: &[f64]) -> (System, State) {
 
 /// Two particles of 2 kg in a row on springs of 100 N and 1 m behind one that is held; the first spring becomes half as long.
 fn muscle(times: [f64; 2]) -> (System, State) {
-    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-    for p in 0..3 {
-        builder.particle([f64::from(p), 0.0, 0.0], 2.0);
-    }
-    for p in 0..2 {
-        builder.spring(p, p + 1, Spring { stiffness: 100.0, rest_length: 1.0, damping: 0.0 });
-    }
-    builder.hold(0);
-    let (system, start) = builder.build().unwrap();
-    let factors = Curve { times: times.to_vec(), values: vec![1.0, 0.5] };
-    let actuation = vec![Actuation { springs: vec![0], factors }];
-    (system.with_behaviour(Behaviour { actuation, ..Behaviour::default() }).unwrap(), start)
+    actuated(3, [100.0, 1.0, 0.0], times, 0.5)
 }
 
-fn monitored<'s>(
-    (system, start): &'s (System, State),
-    method: Method,
-    [dt, duration]: [f64; 2],
-) -> (Outcome, State, Monitor<'s>) {
-    let mut state = start.clone();
-    let mut stepper = method.stepper(system, &state, &ImplicitOptions::default()).unwrap();
-    let mut monitor = Monitor::new(system, &state, MonitorOptions::default()).unwrap();
-    let schedule = Schedule::duration(dt, duration);
-    let go_on = |_, _: &State, _: &Monitor| ControlFlow::Continue(());
-    let outcome = run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, go_on);
-    (outcome, state, monitor)
+fn run_of(scene: &(System, State), method: Method, [dt, duration]: [f64; 2]) -> (Outcome, State, Monitor<'_>) {
+    let mut stepper = stepper(method, &scene.0, &scene.1);
+    monitored(scene, &mut *stepper, MonitorOptions::default(), Schedule::duration(dt, duration))
 }
 
 /// A pulse that is over within a step gives a velocity of 1 m/s, which only bdf2 misses, as it keeps a past over the peak. No run takes its
@@ -52,7 +29,7 @@ fn monitored<'s>(
 fn no_pulse_passes_unnoticed() {
     let scene = falling(&[0.4, 0.41, 0.42], &[0.0, 100.0, 0.0]);
     for method in Method::ALL {
-        let (outcome, state, monitor) = monitored(&scene, method, [0.1, 2.0]);
+        let (outcome, state, monitor) = run_of(&scene, method, [0.1, 2.0]);
         assert_eq!((outcome.status(), outcome.steps), (Status::Completed, 20), "{}", method.name());
         let error = (state.velocities[0].y - 1.0).abs();
         let most = if method == Method::Bdf2 { 0.34 } else { 1e-9 };
@@ -76,7 +53,7 @@ fn changes_from_rest_are_no_energy_from_nowhere() {
                 for dt in [0.005, 0.02] {
                     // Forward Euler itself gains energy from springs.
                     let duration = if method == Method::ForwardEuler { 0.4 } else { 1.0 };
-                    let status = monitored(scene, method, [dt, duration]).0.status();
+                    let status = run_of(scene, method, [dt, duration]).0.status();
                     assert_eq!(status, Status::Completed, "{} {name} {length} {dt}", method.name());
                 }
             }
@@ -96,12 +73,10 @@ impl ExternalForce for Wind {
 
 #[test]
 fn forces_that_grow_from_rest_are_no_energy_from_nowhere() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    let (system, start) = builder.build().unwrap();
+    let (system, start) = particles(&[0.0]);
     let scene = (system.with_external_force(Wind), start);
     for method in [Method::Verlet, Method::SymplecticEuler, Method::ForwardEuler, Method::Bdf2] {
-        assert_eq!(monitored(&scene, method, [0.01, 1.0]).0.status(), Status::Completed, "{}", method.name());
+        assert_eq!(run_of(&scene, method, [0.01, 1.0]).0.status(), Status::Completed, "{}", method.name());
     }
 }
 
@@ -115,7 +90,7 @@ fn errors_are_known_after_kinks() {
         (0..200_000).map(|k| (f64::from(k) + 0.5) * 1e-5).map(|t| (2.0 - t) * curve.at(t).y * 1e-5).sum::<f64>()
     };
     for method in [Method::Verlet, Method::ImplicitMidpoint, Method::W2] {
-        let (_, state, monitor) = monitored(&scene, method, [0.1, 2.0]);
+        let (_, state, monitor) = run_of(&scene, method, [0.1, 2.0]);
         let (error, known) = ((state.positions[0].y - exact).abs(), monitor.error().unwrap().norm(&scene.0));
         assert!(error > 1e-5 && (0.9..2.2).contains(&(known / error)), "{}: {error} {known}", method.name());
     }
@@ -125,7 +100,7 @@ fn errors_are_known_after_kinks() {
 #[test]
 fn steps_are_divided_at_kinks() {
     let (system, start) = falling(&[0.25, 0.5 - 1e-12, 0.7, 0.7 + 1e-13], &[1.0, 3.0, -2.0, -2.0]);
-    let stepper = || Method::LinearBackwardEuler.stepper(&system, &start, &ImplicitOptions::default()).unwrap();
+    let stepper = || stepper(Method::LinearBackwardEuler, &system, &start);
     let mut state = start.clone();
     let mut times = Vec::new();
     let mut whole = stepper();

@@ -187,11 +187,11 @@ impl Method {
 
 #[cfg(test)]
 mod tests {
-    use super::Method;
-    use crate::integrate::{CompletedStep, ImplicitOptions, Monitor, MonitorOptions, PropagatedError};
-    use crate::spring::Spring;
+    use super::*;
+    use crate::integrate::fixtures::scene;
+    use crate::integrate::{CompletedStep, Monitor, MonitorOptions, PropagatedError};
     use crate::system::fixtures::row;
-    use crate::system::{Axes, Constraint, Motion, State, SystemBuilder};
+    use crate::system::{Axes, Constraint, Motion};
     use nalgebra::Vector3;
 
     /// The dt of the matrices; and methods that solve with the exact matrix, or with none, ignore the stiffness option.
@@ -218,11 +218,7 @@ mod tests {
     /// prescribed particles included. It refuses states and step lengths that are none, without a panic.
     #[test]
     fn every_stepper_has_the_properties_of_its_method() {
-        let mut builder = SystemBuilder::new();
-        for x in [0.0, 1.0, 2.0] {
-            builder.particle([x, 0.0, 0.0], 1.0);
-        }
-        builder.spring(0, 1, Spring { stiffness: 5.0, rest_length: 0.9, damping: 0.1 });
+        let mut builder = scene(&[0.0, 1.0, 2.0].map(|x| ([x, 0.0, 0.0], 1.0)), &[(0, 1, [5.0, 0.9, 0.1])]);
         let motion =
             Motion::Path { times: vec![1.0, 2.0, 3.0], offsets: [0.0, 8.0, 4.0].map(Vector3::repeat).to_vec() };
         builder.constrain(Constraint { particles: vec![2], axes: Axes::ALL, motion });

@@ -8,6 +8,8 @@ mod bdf2;
 mod dop853;
 mod explicit;
 mod failure;
+#[cfg(test)]
+mod fixtures;
 mod implicit;
 mod implicit_midpoint;
 #[cfg(test)]

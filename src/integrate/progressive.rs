@@ -87,23 +87,16 @@ impl Projection {
 
 #[cfg(test)]
 mod tests {
-    use super::Projection;
-    use crate::force::SpringGeometry;
-    use crate::spring::{Spring, Stiffness};
-    use crate::system::SystemBuilder;
-    use nalgebra::Vector3;
+    use super::*;
+    use crate::integrate::fixtures::scene;
+    use crate::spring::Spring;
+    use crate::system::fixtures::tethered;
 
     /// Four particles in a row; the springs 0–1 and 2–3 are compressed, 1–2 is stretched. Residuals of 8, 0, 1 and 3 N.
     #[test]
     fn springs_at_large_residuals_are_projected() {
-        let mut builder = SystemBuilder::new();
-        for x in 0..4 {
-            builder.particle([f64::from(x), 0.0, 0.0], 1.0);
-        }
-        for (p, rest_length) in [(0, 2.0), (1, 0.5), (2, 2.0)] {
-            builder.spring(p, p + 1, Spring { stiffness: 1.0, rest_length, damping: 0.0 });
-        }
-        let (system, state) = builder.build().unwrap();
+        let springs = [(0, 1, [1.0, 2.0, 0.0]), (1, 2, [1.0, 0.5, 0.0]), (2, 3, [1.0, 2.0, 0.0])];
+        let (system, state) = scene(&[0.0, 1.0, 2.0, 3.0].map(|x| ([x, 0.0, 0.0], 1.0)), &springs).build().unwrap();
         let at = SpringGeometry::at(&system, &state.positions).unwrap();
         let mut projection = Projection::new(&system);
         let residual = [8.0, 0.0, 1.0, -3.0].map(|r| Vector3::new(0.0, r, 0.0));
@@ -129,11 +122,7 @@ mod tests {
     /// Along an axis on which a particle is held it has no residual.
     #[test]
     fn reactions_are_no_residuals() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.0, 0.0, 0.0], 1.0);
-        builder.hold(0).spring(0, 1, Spring { stiffness: 1.0, rest_length: 2.0, damping: 0.0 });
-        let (system, _) = builder.build().unwrap();
+        let (system, _) = tethered(1.0, 1.0, Spring { stiffness: 1.0, rest_length: 2.0, damping: 0.0 });
         let mut projection = Projection::new(&system);
         projection.begin(&system, &[Vector3::new(9.0, 0.0, 0.0), Vector3::new(3.0, 4.0, 0.0)]);
         assert_eq!((projection.largest, projection.residuals[0].x), (5.0, 0.0));

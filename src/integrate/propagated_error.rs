@@ -375,44 +375,31 @@ impl PropagatedError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::integrate::{ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, TimeStepper, run_monitored};
+    use crate::integrate::fixtures::{monitored, scene, stepper};
+    use crate::integrate::{ImplicitOptions, Method, MonitorOptions, Schedule};
     use crate::linear::{PreconditionerKind, SolverChoice};
     use crate::spring::Spring;
     use crate::system::{Behaviour, SystemBuilder};
     use rand::{RngExt, SeedableRng};
-    use std::ops::ControlFlow;
+
+    /// A particle of 1 kg in one dimension, on a spring to a held one.
+    fn on_line(x: f64, spring: [f64; 3]) -> SystemBuilder {
+        let scene = scene(&[([0.0; 3], 1.0), ([x, 0.0, 0.0], 1.0)], &[(0, 1, spring)]).hold(0).clone();
+        SystemBuilder { dimension: 1, ..scene }
+    }
 
     /// A particle of 1 kg, 1 m from rest on a spring of 10 N/m and a rest length, damped at the rate ζ.
     fn oscillator(rest_length: f64, zeta: f64) -> (System, State) {
-        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([rest_length + 1.0, 0.0, 0.0], 1.0);
         // k is in N, or in N/m without a rest length.
         let stiffness = if rest_length > 0.0 { 10.0 * rest_length } else { 10.0 };
-        builder.spring(0, 1, Spring { stiffness, rest_length, damping: 2.0 * zeta });
-        builder.hold(0);
-        builder.build().unwrap()
-    }
-
-    /// The end of a run, with its monitor.
-    fn end<'s>(
-        (system, start): &'s (System, State),
-        stepper: &mut dyn TimeStepper,
-        options: MonitorOptions,
-        [dt, duration]: [f64; 2],
-    ) -> (State, Monitor<'s>) {
-        let mut state = start.clone();
-        let mut monitor = Monitor::new(system, &state, options).unwrap();
-        let schedule = Schedule::duration(dt, duration);
-        let go_on = |_, _: &State, _: &Monitor| ControlFlow::Continue(());
-        assert!(run_monitored(stepper, &mut state, &schedule, &mut monitor, go_on).end.is_ok());
-        (state, monitor)
+        on_line(rest_length + 1.0, [stiffness, rest_length, 2.0 * zeta]).build().unwrap()
     }
 
     /// The end of a run and its propagated error of the second particle along x.
     fn run(scene: &(System, State), method: Method, dt: f64, duration: f64) -> (f64, f64) {
-        let mut stepper = method.stepper(&scene.0, &scene.1, &ImplicitOptions::default()).unwrap();
-        let (state, monitor) = end(scene, &mut *stepper, MonitorOptions::default(), [dt, duration]);
+        let (mut stepper, schedule) = (stepper(method, &scene.0, &scene.1), Schedule::duration(dt, duration));
+        let (outcome, state, monitor) = monitored(scene, &mut *stepper, MonitorOptions::default(), schedule);
+        assert!(outcome.end.is_ok());
         (state.positions[1].x, monitor.error().unwrap().positions[1].x)
     }
 
@@ -435,13 +422,8 @@ mod tests {
             -1.0 + s.cos() + v / w * s.sin()
         };
         let scene = |velocity: f64, damping: f64, gravity: f64| {
-            let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-            builder.gravity(gravity, 0.0, 0.0);
-            builder.particle([0.0; 3], 1.0);
-            let bob = builder.particle([0.5, 0.0, 0.0], 1.0);
-            builder.velocities[bob].x = velocity;
-            builder.spring(0, 1, Spring { stiffness: 10.0, rest_length: 1.0, damping });
-            builder.hold(0);
+            let mut builder = on_line(0.5, [10.0, 1.0, damping]);
+            builder.gravity(gravity, 0.0, 0.0).velocities[1].x = velocity;
             let (system, start) = builder.build().unwrap();
             let behaviour = Behaviour { tension_only: vec![damping > 0.0], ..Behaviour::default() };
             (system.with_behaviour(behaviour).unwrap(), start)
@@ -512,10 +494,11 @@ mod tests {
             let linear = ImplicitOptions::default().linear.with_solver(solver).with_preconditioner(preconditioner);
             let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
             for method in Method::ALL {
-                let end = |monitored: MonitorOptions| {
+                let end = |watch: MonitorOptions| {
                     let mut stepper = method.stepper(&scene.0, &scene.1, &options).unwrap();
-                    let (state, monitor) = end(&scene, &mut *stepper, monitored, [0.01, 0.1]);
-                    assert_eq!(monitor.error().is_some(), monitored.threshold.is_some());
+                    let schedule = Schedule::duration(0.01, 0.1);
+                    let (outcome, state, monitor) = monitored(&scene, &mut *stepper, watch, schedule);
+                    assert!(outcome.end.is_ok() && monitor.error().is_some() == watch.threshold.is_some());
                     state
                 };
                 let with = end(MonitorOptions::default());

@@ -191,13 +191,10 @@ fn is_positive(matrix: &Matrix3<f64>, free: Axes) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::{Regularization, is_positive};
-    use crate::force::SpringGeometry;
-    use crate::operator::Combination;
-    use crate::spring::{Spring, Stiffness};
+    use super::*;
+    use crate::spring::Spring;
     use crate::system::fixtures::row;
-    use crate::system::{Axes, Constraint, Motion, System, SystemBuilder};
-    use nalgebra::Matrix3;
+    use crate::system::{Constraint, Motion, SystemBuilder};
 
     fn built(builder: SystemBuilder) -> (System, SpringGeometry) {
         let (system, state) = builder.build().unwrap();
@@ -205,24 +202,24 @@ mod tests {
         (system, extensions)
     }
 
-    /// A spring of this stiffness is half compressed where it has a length of 1: c = k(1 − 1/2).
-    fn compressed(stiffness: f64) -> Spring {
-        Spring { stiffness, rest_length: 2.0, damping: 0.0 }
-    }
-
-    /// Particle 0 in the middle, on springs to one particle on each of the first axes.
-    fn star(stiffnesses: &[f64], held: &[usize]) -> (System, SpringGeometry) {
+    /// Particle 0 in the middle, on springs to particles at a distance of 1. There a spring is half compressed: c = k(1 − 1/2).
+    fn star(springs: &[([f64; 3], f64)]) -> SystemBuilder {
         let mut builder = SystemBuilder::new();
         builder.particle([0.0; 3], 1.0);
-        for (s, &stiffness) in stiffnesses.iter().enumerate() {
-            let mut position = [0.0; 3];
-            position[s] = 1.0;
+        for &(position, stiffness) in springs {
             let end = builder.particle(position, 1e3);
-            builder.spring(0, end, compressed(stiffness));
+            builder.spring(0, end, Spring { stiffness, rest_length: 2.0, damping: 0.0 });
         }
-        for &p in held {
-            builder.hold(p);
-        }
+        builder
+    }
+
+    const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+    /// Springs along the first axes.
+    fn on_axes(stiffnesses: &[f64], held: &[usize]) -> (System, SpringGeometry) {
+        let springs: Vec<_> = AXES.into_iter().zip(stiffnesses.iter().copied()).collect();
+        let mut builder = star(&springs);
+        builder.constrain(Constraint::hold(held.iter().copied()));
         built(builder)
     }
 
@@ -240,23 +237,20 @@ mod tests {
     #[test]
     fn one_term_is_dropped_where_it_exceeds_the_inertia() {
         for (held, limit) in [(&[][..], 20.0), (&[1], 10.0)] {
-            assert_eq!(dropped(&star(&[20.0], held), limit + 0.01), [false]);
-            assert_eq!(dropped(&star(&[20.0], held), limit - 0.01), [true]);
+            assert_eq!(dropped(&on_axes(&[20.0], held), limit + 0.01), [false]);
+            assert_eq!(dropped(&on_axes(&[20.0], held), limit - 0.01), [true]);
         }
     }
 
     /// A spring takes nothing along itself: on different axes two of three contribute in each direction. Of equal terms the first is dropped.
     #[test]
     fn terms_are_added_up_by_direction() {
-        let unequal = star(&[20.0, 16.0, 12.0], &[1, 2, 3]);
-        // 10 + 8 across the third, 10 + 6 across the second, 8 + 6 across the first.
-        assert_eq!(dropped(&unequal, 18.01), [false, false, false]);
-        // Without the strongest 8, 6 and 14 are left; without the second 6.
-        assert_eq!(dropped(&unequal, 17.99), [true, false, false]);
-        assert_eq!(dropped(&unequal, 14.01), [true, false, false]);
-        assert_eq!(dropped(&unequal, 13.99), [true, true, false]);
-        assert_eq!(dropped(&unequal, 5.99), [true, true, true]);
-        assert_eq!(dropped(&star(&[20.0, 20.0], &[1, 2]), 19.99), [true, false]);
+        let unequal = on_axes(&[20.0, 16.0, 12.0], &[1, 2, 3]);
+        // 10 + 8 across the third, 10 + 6 across the second, 8 + 6 across the first. Without the strongest 8, 6 and 14 are left; without the second 6.
+        for (mass, count) in [(18.01, 0), (17.99, 1), (14.01, 1), (13.99, 2), (5.99, 3)] {
+            assert_eq!(dropped(&unequal, mass), [count > 0, count > 1, count > 2], "{mass}");
+        }
+        assert_eq!(dropped(&on_axes(&[20.0, 20.0], &[1, 2]), 19.99), [true, false]);
     }
 
     /// Particle 0 can move along some axes alone. Two springs along x take 10 each across; one at 45° to x and y takes half of its 10
@@ -276,12 +270,8 @@ mod tests {
             (diagonal, &[0, 1], 9.99, &[true]),
             (diagonal, &[0, 1], 10.01, &[false]),
         ] {
-            let mut builder = SystemBuilder::new();
-            builder.particle([0.0; 3], 1.0);
-            for &end in ends {
-                let end = builder.particle(end, 1.0);
-                builder.hold(end).spring(0, end, compressed(20.0));
-            }
+            let mut builder = star(&ends.iter().map(|&end| (end, 20.0)).collect::<Vec<_>>());
+            builder.constrain(Constraint::hold(1..=ends.len()));
             let axes = Axes::ALL.without(Axes::of(free));
             builder.constrain(Constraint { particles: vec![0], axes, motion: Motion::Held });
             assert_eq!(dropped(&built(builder), mass), expected, "{free:?} {mass}");
@@ -297,12 +287,7 @@ mod tests {
     #[test]
     fn hubs_take_one_pass() {
         let spokes = 100_000;
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        for spoke in 1..=spokes {
-            builder.particle([1.0, 0.0, 0.0], 1.0);
-            builder.spring(0, spoke, compressed(20.0));
-        }
+        let mut builder = star(&vec![(AXES[0], 20.0); spokes]);
         builder.constrain(Constraint::hold(1..=spokes));
         let dropped = dropped(&built(builder), 5.0 * spokes as f64 + 5.0);
         assert_eq!(dropped.iter().filter(|&&dropped| dropped).count(), spokes / 2);
@@ -312,7 +297,7 @@ mod tests {
     /// Factors of M and K other than those of a step scale both sides. Other systems are refused.
     #[test]
     fn the_combination_scales_both_sides() {
-        let (system, extensions) = star(&[20.0], &[]);
+        let (system, extensions) = on_axes(&[20.0], &[]);
         let mut regularization = Regularization::new(&system);
         let mut choose = |mass, stiffness| {
             regularization.choose(&system, &extensions, Combination { mass, damping: 0.0, stiffness }).unwrap()

@@ -226,25 +226,18 @@ fn drive(
 
 #[cfg(test)]
 mod tests {
-    use super::run;
-    use crate::integrate::{ImplicitOptions, Method, Schedule, Status};
-    use crate::system::{State, System, SystemBuilder};
-    use std::ops::ControlFlow;
-
-    fn particle() -> (System, State) {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.build().unwrap()
-    }
+    use super::*;
+    use crate::integrate::Method;
+    use crate::integrate::fixtures::{particles, stepper};
 
     /// A request to stop ends the run, unless that was at its end anyway.
     #[test]
     fn observers_may_end_runs() {
-        let (system, start) = particle();
+        let (system, start) = particles(&[0.0]);
         for (stop, steps, status) in [(2, 2, Status::Interrupted), (4, 4, Status::Completed), (9, 4, Status::Completed)]
         {
             let mut state = start.clone();
-            let mut stepper = Method::ForwardEuler.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
+            let mut stepper = stepper(Method::ForwardEuler, &system, &state);
             let outcome = run(&mut *stepper, &mut state, &Schedule::steps(0.5, 4), |count, _| {
                 if count < stop { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
             });
@@ -255,9 +248,9 @@ mod tests {
     /// A part of a schedule goes on at its time, and by the times of the whole.
     #[test]
     fn parts_of_runs_go_on_at_their_time() {
-        let (system, mut state) = particle();
+        let (system, mut state) = particles(&[0.0]);
         state.time = 7.5;
-        let mut stepper = Method::ForwardEuler.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
+        let mut stepper = stepper(Method::ForwardEuler, &system, &state);
         let mut times = Vec::new();
         let outcome = run(&mut *stepper, &mut state, &Schedule::steps(0.5, 4).part(1, 2), |count, state| {
             times.push((count, state.time));

@@ -1,11 +1,11 @@
 //! Steps of methods against their formulas.
 
-use super::{AdaptiveStepper, Bdf2, ImplicitOptions, LinearBackwardEuler, Method, TimeStepper, WMethod};
+use super::fixtures::{scene, stepper};
+use super::*;
 use crate::linear::SolverChoice;
 use crate::spring::Spring;
 use crate::system::fixtures::{pulled_with_kinks, tethered};
-use crate::system::{ExternalForce, State, StateView, System, SystemBuilder};
-use nalgebra::Vector3;
+use crate::system::{ExternalForce, StateView};
 
 /// Grows with time: two newtons and three more a second.
 #[derive(Debug)]
@@ -20,9 +20,7 @@ impl ExternalForce for Growing {
 /// A free particle of 4 kg gets the force at the start of a step, at its middle or at its end.
 #[test]
 fn external_forces_act_at_the_time_of_the_stage() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 4.0);
-    let (system, mut start) = builder.build().unwrap();
+    let (system, mut start) = scene(&[([0.0; 3], 4.0)], &[]).build().unwrap();
     let system = system.with_external_force(Growing);
     start.time = 1.25;
     for (method, time) in [
@@ -33,9 +31,8 @@ fn external_forces_act_at_the_time_of_the_stage() {
         (Method::BackwardEuler, 1.75),
         (Method::Bdf2, 1.75),
     ] {
-        let mut stepper = method.stepper(&system, &start, &ImplicitOptions::default()).unwrap();
         let mut state = start.clone();
-        stepper.step(&mut state, 0.5).unwrap();
+        stepper(method, &system, &start).step(&mut state, 0.5).unwrap();
         let expected = 0.5 * (2.0 + 3.0 * time) / 4.0;
         assert!((state.velocities[0].x - expected).abs() < 1e-9, "{}: {}", method.name(), state.velocities[0].x);
     }
@@ -56,14 +53,12 @@ impl ExternalForce for Air {
 /// takes an eighth from the three quarters in the middle. Where the step is halved the error falls to a quarter.
 #[test]
 fn verlet_predicts_the_velocity_that_external_forces_see() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 4.0);
-    let (system, mut state) = builder.build().unwrap();
+    let (system, mut state) = scene(&[([0.0; 3], 4.0)], &[]).build().unwrap();
     let system = system.with_external_force(Air);
     state.velocities[0].x = 1.0;
     let run = |steps: u32| {
         let mut state = state.clone();
-        let mut stepper = Method::Verlet.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
+        let mut stepper = stepper(Method::Verlet, &system, &state);
         (0..steps).for_each(|_| stepper.step(&mut state, 0.5 / f64::from(steps)).unwrap());
         (state.velocities[0].x, state.positions[0].x)
     };
@@ -80,7 +75,7 @@ fn explicit_steps_are_cut_at_kinks() {
     for (method, forces) in [(Method::Verlet, 7 + 1 + 3), (Method::Dop853, 7 * 12)] {
         let run = |steps: &[f64]| {
             let mut state = start.clone();
-            let mut stepper = method.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
+            let mut stepper = stepper(method, &system, &state);
             steps.iter().for_each(|&h| stepper.step(&mut state, h).unwrap());
             (state, stepper.statistics().work.force_evaluations)
         };

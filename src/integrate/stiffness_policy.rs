@@ -149,9 +149,7 @@ impl StiffnessState {
 
 #[cfg(test)]
 mod tests {
-    use super::{StiffnessPolicy, StiffnessState, Terms};
-    use crate::linear::Definiteness;
-    use crate::spring::Stiffness;
+    use super::*;
     use crate::system::Dof;
 
     #[test]

@@ -41,14 +41,14 @@ pub(super) fn substeps(prescribed: &Prescribed, mut start: f64, dt: f64) -> impl
 #[cfg(test)]
 mod tests {
     use super::substeps;
-    use crate::system::{Axes, Constraint, Motion, SystemBuilder};
+    use crate::integrate::fixtures::scene;
+    use crate::system::{Axes, Constraint, Motion};
     use nalgebra::Vector3;
 
     /// With kinks at 0.5 s, 1 s and 1.25 s.
     #[test]
     fn steps_are_cut_at_kinks() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
+        let mut builder = scene(&[([0.0; 3], 1.0)], &[]);
         let motion = Motion::Path { times: vec![0.5, 1.0, 1.25], offsets: vec![Vector3::zeros(); 3] };
         builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
         let (system, _) = builder.build().unwrap();

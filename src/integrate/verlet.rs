@@ -246,9 +246,9 @@ mod tests {
             }
             outcome
         };
-        step(&mut state, &mut stepper, 0.01, 2).unwrap();
-        step(&mut state, &mut stepper, 0.01, 1).unwrap();
-        step(&mut state, &mut stepper, 0.02, 1).unwrap();
+        for (dt, evaluations) in [(0.01, 2), (0.01, 1), (0.02, 1)] {
+            step(&mut state, &mut stepper, dt, evaluations).unwrap();
+        }
         state.velocities[1].x += 0.5;
         step(&mut state, &mut stepper, 0.01, 2).unwrap();
         state.positions[1].x += 0.1;

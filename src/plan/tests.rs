@@ -40,17 +40,6 @@ fn stiffness_decides_where_no_method_is_asked_for() {
     assert_eq!([0.1, 1.0].map(|dt| method(auto, [dt, 10.0], None)), [Method::Verlet, Method::Bdf2]);
 }
 
-#[test]
-fn a_stiffness_that_is_asked_for_is_used() {
-    let (system, state) = swing();
-    let of = |stiffness| {
-        let plan = RunOptions { stiffness, ..RunOptions::default() }.plan(&system, &state, [0.1, 1.0], None).unwrap();
-        plan.configuration.options.stiffness
-    };
-    let axial = StiffnessPolicy::Always(Stiffness::Axial);
-    assert_eq!((of(None), of(Some(axial))), (ImplicitOptions::default().stiffness, axial));
-}
-
 /// Each method by its name, and the choice between them last; as many records of a year as of a microsecond.
 #[test]
 fn there_is_a_choice_for_every_method() {
@@ -61,10 +50,16 @@ fn there_is_a_choice_for_every_method() {
     }
 }
 
-/// As the motion needs where nothing is said, else as is said; solvers that are named are compared to all digits.
+/// Tolerances are as the motion needs where nothing is said, else as is said; solvers that are named are compared to all digits. A stiffness that is
+/// asked for is used.
 #[test]
 fn tolerances_follow_the_motion_where_nothing_is_said() {
     let (system, state) = swing();
+    let axial = StiffnessPolicy::Always(Stiffness::Axial);
+    for (stiffness, expected) in [(None, ImplicitOptions::default().stiffness), (Some(axial), axial)] {
+        let plan = RunOptions { stiffness, ..RunOptions::default() }.plan(&system, &state, [0.1, 1.0], None).unwrap();
+        assert_eq!(plan.configuration.options.stiffness, expected);
+    }
     let cg = Some(SolverChoice::Cg);
     for (tolerance, solver, expected) in [
         (None, None, Tolerance::Adaptive),
@@ -101,7 +96,7 @@ fn adaptive_runs_go_on_in_parts() {
     let plan = RunOptions::default().plan(&system, &state, [0.25, 1.5], Some(1e-3)).unwrap();
     let schedule = Schedule::duration(0.25, 1.5);
     let mut samples = Vec::new();
-    for (part, first_step) in [(schedule.part(0, 2), Some(0.25)), (schedule.part(2, 100), None)] {
+    for (part, duration, first_step) in [(schedule.part(0, 2), 0.5, Some(0.25)), (schedule.part(2, 100), 1.0, None)] {
         let mut alone = state.clone();
         let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
         let mut stepper = plan.stepper(&system, &state).unwrap();
@@ -111,7 +106,6 @@ fn adaptive_runs_go_on_in_parts() {
         };
         stepper.run(&system, &mut state, &part, &mut monitor, observe);
 
-        let duration = if first_step.is_some() { 0.5 } else { 1.0 };
         let part_of = Some(1.5);
         let how = AdaptiveOptions { duration, rtol: 1e-3, first_step, sampling: OutputTimes::Every(0.25), part_of };
         let mut monitor = Monitor::new(&system, &alone, MonitorOptions::default()).unwrap();

@@ -3,16 +3,11 @@
 use super::*;
 use crate::error::Error;
 use crate::spring::Spring;
-use crate::system::SystemBuilder;
+use crate::system::fixtures::tethered;
 
 /// A particle of 1 kg on 10 N/m, held 1 m from its rest.
 fn oscillator() -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([1.0, 0.0, 0.0], 1.0);
-    builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-    builder.hold(0);
-    builder.build().unwrap()
+    tethered(1.0, 1.0, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 })
 }
 
 fn options(accuracy: f64) -> AccuracyOptions {
@@ -109,12 +104,8 @@ fn methods_of_fixed_steps_reach_their_accuracy() {
     }
     for method in [None, Some(Method::Verlet)] {
         let options = AccuracyOptions { method, ..options(1e-14) };
-        let answer = run_to_accuracy(&system, &start, &options, &mut (), &|| true).unwrap().unwrap();
-        assert!(
-            matches!(&answer.verdict, Verdict::Unconfirmed(why) if why.contains("rounding")),
-            "{:?}",
-            answer.verdict
-        );
+        let verdict = run_to_accuracy(&system, &start, &options, &mut (), &|| true).unwrap().unwrap().verdict;
+        assert!(matches!(&verdict, Verdict::Unconfirmed(why) if why.contains("rounding")), "{verdict:?}");
     }
 }
 

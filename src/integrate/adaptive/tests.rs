@@ -1,22 +1,7 @@
-use super::{
-    AdaptiveOptions, AdaptiveStepper, ErrorEstimate, OutputTimes, SHORTEST, Samples, doubt, hermite, run_adaptive,
-    stiffness,
-};
-use crate::integrate::{Dop853, Statistics, StepFailure, TimeStepper};
+use super::*;
+use crate::integrate::fixtures::{particles, scene};
+use crate::integrate::{Dop853, RunFailure};
 use crate::linear::SolveFailure;
-use crate::spring::Spring;
-use crate::system::{State, System, SystemBuilder};
-use nalgebra::Vector3;
-use std::ops::ControlFlow;
-
-/// Free particles at these places on the first axis.
-fn particles(places: &[f64]) -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    for &x in places {
-        builder.particle([x, 0.0, 0.0], 1.0);
-    }
-    builder.build().unwrap()
-}
 
 /// Every cubic motion is met exactly, position and velocity.
 #[test]
@@ -164,57 +149,50 @@ impl AdaptiveStepper for Still {
     }
 }
 
-fn how(duration: f64, first_step: f64) -> AdaptiveOptions {
-    AdaptiveOptions { duration, rtol: 1e-3, first_step: Some(first_step), sampling: OutputTimes::Steps, part_of: None }
+/// A run with such errors: the stepper, the outcome and the time at its end.
+fn still(errors: &[f64], duration: f64, first_step: f64) -> (Still, Outcome, f64) {
+    let (system, mut state) = particles(&[0.0, 1.0]);
+    let mut stepper = Still::new(errors);
+    let how = AdaptiveOptions { first_step: Some(first_step), ..AdaptiveOptions::new(duration, 1e-3).unwrap() };
+    let outcome = run_adaptive(&mut stepper, &system, &mut state, &how, |_, _| ControlFlow::Continue(()));
+    (stepper, outcome, state.time)
 }
 
-/// A step that still fails when it is shorter than 1e-13 of the run ends it, and is told with its number and time.
+/// A step that still fails when it is shorter than 1e-10 of the run ends it, and is told with its number and time.
 #[test]
 fn runs_end_where_no_step_is_short_enough() {
-    let (system, start) = particles(&[0.0, 1.0]);
     // Half of a step that fails is tried next, even if it is just the shortest.
     for (duration, first, tries) in [(4.0, 8.0 * SHORTEST, 2), (4.0, 7.0 * SHORTEST, 1), (0.25, 0.5 * SHORTEST, 2)] {
-        let (mut stepper, mut state) = (Still::new(&[f64::NAN]), start.clone());
-        let outcome = run_adaptive(&mut stepper, &system, &mut state, &how(duration, first), |_, _| panic!("no step"));
-        let failure = outcome.end.unwrap_err();
-        assert_eq!((outcome.steps, failure.step, failure.time), (0, 1, 0.0));
-        assert_eq!(failure.failure, StepFailure::NonFinite);
+        let (stepper, outcome, _) = still(&[f64::NAN], duration, first);
+        let failure = RunFailure { step: 1, time: 0.0, failure: StepFailure::NonFinite };
+        assert_eq!(outcome, Outcome { steps: 0, end: Err(failure) });
         let rejected = (stepper.rejected, stepper.statistics.rejected_steps);
         assert_eq!((stepper.tried.len(), rejected), (tries, (tries, tries as u64)), "{duration} {first}");
     }
-    let (mut stepper, mut state) = (Still::new(&[0.0, 0.0, f64::INFINITY]), start.clone());
-    stepper.errors.extend([f64::INFINITY; 60]);
-    let outcome = run_adaptive(&mut stepper, &system, &mut state, &how(1.0, 0.125), |_, _| ControlFlow::Continue(()));
-    let failure = outcome.end.unwrap_err();
-    assert_eq!((outcome.steps, failure.step, failure.time), (2, 3, 0.375));
-    assert_eq!(failure.failure, StepFailure::Tolerance);
+    let (_, outcome, _) = still(&[&[0.0; 2][..], &[f64::INFINITY; 61]].concat(), 1.0, 0.125);
+    let failure = RunFailure { step: 3, time: 0.375, failure: StepFailure::Tolerance };
+    assert_eq!(outcome, Outcome { steps: 2, end: Err(failure) });
 }
 
 /// A step that is interrupted ends the run where it is, and is not tried again.
 #[test]
 fn interrupted_steps_end_runs() {
-    let (system, start) = particles(&[0.0, 1.0]);
-    let (mut stepper, mut state) = (Still::new(&[0.0, f64::NEG_INFINITY]), start.clone());
-    let outcome = run_adaptive(&mut stepper, &system, &mut state, &how(1.0, 0.25), |_, _| ControlFlow::Continue(()));
-    assert_eq!((outcome.steps, outcome.end.unwrap(), state.time), (1, ControlFlow::Break(()), 0.25));
+    let (stepper, outcome, time) = still(&[0.0, f64::NEG_INFINITY], 1.0, 0.25);
+    assert_eq!((outcome, time), (Outcome { steps: 1, end: Ok(ControlFlow::Break(())) }, 0.25));
     assert_eq!((stepper.tried.len(), stepper.rejected), (2, 0));
 }
 
 /// Three particles in a row on springs of 12 N/m and 5 N/m: `Σ 2 m (‖v‖ + 5 ‖e_v‖) ‖e_v‖ + Σ 10 κ ‖e_x‖²`.
 #[test]
 fn errors_are_worth_energy() {
-    let mut builder = SystemBuilder::new();
-    for (x, mass) in [(0.0, 2.0), (1.0, 3.0), (2.0, 7.0)] {
-        builder.particle([x, 0.0, 0.0], mass);
-    }
-    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.0 });
-    builder.spring(1, 2, Spring { stiffness: 10.0, rest_length: 2.0, damping: 0.0 });
-    let (system, mut state) = builder.build().unwrap();
+    let particles = [(0.0, 2.0), (1.0, 3.0), (2.0, 7.0)].map(|(x, mass)| ([x, 0.0, 0.0], mass));
+    let springs = [(0, 1, [6.0, 0.5, 0.0]), (1, 2, [10.0, 2.0, 0.0])];
+    let (system, mut state) = scene(&particles, &springs).build().unwrap();
     let stiffness = stiffness(&system);
     assert_eq!(stiffness, [12.0, 17.0, 5.0]);
     state.velocities = vec![Vector3::new(0.0, 3.0, 0.0), Vector3::x(), Vector3::zeros()];
-    let positions = [Vector3::new(0.5, 0.0, 0.0), Vector3::new(0.0, 0.0, -0.25), Vector3::zeros()];
-    let velocities = [Vector3::new(-0.5, 0.0, 0.0), Vector3::new(0.0, 0.25, 0.0), Vector3::zeros()];
+    let positions = [Vector3::x() * 0.5, Vector3::z() * -0.25, Vector3::zeros()];
+    let velocities = [Vector3::x() * -0.5, Vector3::y() * 0.25, Vector3::zeros()];
     let estimate = ErrorEstimate { positions: &positions, velocities: &velocities };
     let (kinetic, elastic) = (4.0 * 5.5 * 0.5 + 6.0 * 2.25 * 0.25, 120.0 * 0.25 + 170.0 * 0.0625);
     assert_eq!(doubt(&system, &stiffness, &estimate, &state), kinetic + elastic);

@@ -171,13 +171,12 @@ impl Estimate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::system::{Axes, Constraint, Motion, SystemBuilder};
+    use crate::integrate::fixtures::{particles, scene};
+    use crate::system::{Axes, Constraint, Motion};
 
     /// A free particle and one on a path with kinks at the given times.
     fn with_kinks(times: &[f64]) -> (System, State) {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.0, 0.0, 0.0], 1.0);
+        let mut builder = scene(&[([0.0; 3], 1.0), ([1.0, 0.0, 0.0], 1.0)], &[]);
         let motion = Motion::Path { times: times.to_vec(), offsets: vec![Vector3::zeros(); times.len()] };
         builder.constrain(Constraint { particles: vec![1], axes: Axes::ALL, motion });
         builder.build().unwrap()
@@ -193,40 +192,19 @@ mod tests {
         history.ratio(&system, &after, h)
     }
 
-    #[test]
-    fn the_ratio_is_that_to_the_last_step() {
-        assert_eq!(ratio(&[99.0], 1.0, 0.5, 0.25), 0.5);
-        assert_eq!(ratio(&[99.0], 1.0, 0.5, 1.0), 2.0);
-    }
-
-    /// The last step is from 1 to 1.5, this one to 2.
+    /// The last step is from 1 to 1.5, this one to 2. Within the tolerance of the start is inside, within that of the end is not; the tolerance is
+    /// relative to the shorter step. Kinks before the last step do not count; curves of many points have none.
     #[test]
     fn steps_after_kinks_have_no_past() {
-        for (kink, has_past) in
-            [(0.9, true), (1.0, true), (1.1, false), (1.5, false), (1.9, false), (2.0, true), (2.1, true)]
-        {
-            assert_eq!(ratio(&[kink], 1.5, 0.5, 0.5) > 0.0, has_past, "{kink}");
+        let with =
+            [&[0.9][..], &[1.0], &[2.0], &[2.1], &[2.0 - 0.5e-9], &[1.0, 1.5, 2.0], &[1.1, 1.6], &[1.1, 1.3, 1.7]];
+        let without = [&[1.1][..], &[1.5], &[1.9], &[0.2, 1.7], &[1.5 - 0.5e-9], &[1.1, 1.2, 2.3]];
+        for (kinks, expected) in with.map(|kinks| (kinks, 1.0)).into_iter().chain(without.map(|kinks| (kinks, 0.0))) {
+            assert_eq!(ratio(kinks, 1.5, 0.5, 0.5), expected, "{kinks:?}");
         }
-    }
-
-    /// The tolerance is relative to the shorter step. Kinks before the last step do not count.
-    #[test]
-    fn kinks_near_the_end_of_a_step_are_within_it() {
+        assert_eq!([0.25, 1.0].map(|h| ratio(&[99.0], 1.0, 0.5, h)), [0.5, 2.0]);
         let short = 2f64.powi(-10);
-        assert_eq!(ratio(&[1.5 + short - 1e-7], 1.5, short, short), 0.0);
-        assert_eq!(ratio(&[1.5 + short - 1e-13], 1.5, short, short), 1.0);
-        assert_eq!(ratio(&[0.2, 1.7], 1.5, 0.5, 0.5), 0.0);
-        // Within the tolerance of the start is inside, within that of the end is not.
-        assert_eq!(ratio(&[1.5 - 0.5e-9], 1.5, 0.5, 0.5), 0.0);
-        assert_eq!(ratio(&[1.5 + 0.5 - 0.5e-9], 1.5, 0.5, 0.5), 1.0);
-    }
-
-    #[test]
-    fn curves_of_many_points_have_no_kinks() {
-        for points in [&[1.0, 1.5, 2.0][..], &[1.1, 1.6], &[1.1, 1.2, 1.3, 1.7]] {
-            assert_eq!(ratio(points, 1.5, 0.5, 0.5), 1.0, "{points:?}");
-        }
-        assert_eq!(ratio(&[1.1, 1.2, 2.3], 1.5, 0.5, 0.5), 0.0);
+        assert_eq!([1e-7, 1e-13].map(|before| ratio(&[1.5 + short - before], 1.5, short, short)), [0.0, 1.0]);
         // A step that is too long beside the last one does not follow the curve.
         assert_eq!([1.0, 1.01].map(|h| ratio(&[1.0, 1.5], 1.5, 0.5, h)), [2.0, 0.0]);
     }
@@ -253,24 +231,14 @@ mod tests {
         assert!(later(1.6e-12) > 0.0 && later(2.5e-12) == 0.0 && later(1e-9) == 0.0);
     }
 
-    /// A particle at 0, whose velocity is a polynomial of time.
-    fn particle() -> (System, State) {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.build().unwrap()
-    }
-
-    fn at(time: f64, velocity: impl Fn(f64) -> f64) -> State {
-        State { time, positions: vec![Vector3::zeros()], velocities: vec![Vector3::new(velocity(time), 0.0, 0.0)] }
-    }
-
-    /// The estimates of steps that end at the given times, the first one without a past.
-    fn estimates(times: &[f64], velocity: impl Fn(f64) -> f64 + Copy, acceleration: f64) -> Vec<[f64; 2]> {
-        let (system, start) = particle();
+    /// The estimates of steps of a particle at 0 that end at the given times, the first one without a past.
+    fn estimates(times: &[f64], velocity: impl Fn(f64) -> f64, acceleration: f64) -> Vec<[f64; 2]> {
+        let (system, start) = particles(&[0.0]);
+        let at = |time: f64| State { time, velocities: vec![Vector3::x() * velocity(time)], ..start.clone() };
         let (mut estimate, mut history) = (Estimate::new(&system), History::new(&system, &start));
         let mut errors = Vec::new();
         for step in times.windows(2) {
-            let (state, next) = (at(step[0], velocity), at(step[1], velocity));
+            let (state, next) = (at(step[0]), at(step[1]));
             let h = step[1] - step[0];
             let ratio = history.length.map_or(0.0, |last| h / last);
             if ratio == 0.0 {
@@ -285,33 +253,21 @@ mod tests {
         errors
     }
 
-    /// `x‴ = 2` and no error of velocities: τ h (h + h₋)/3, with τ = 2h/3 and 4h/5·… of ratios 1 and 2.
+    /// The first step is one of backward Euler, which goes ½ h² a too far. After it the errors are `τ h (h + h₋) y‴/6`, with τ = 2/3 and 6/5 s
+    /// for ratios 1 and 2: for `v = t²` of positions alone, for `v = t³ + 7t` of velocities too, the first point counting twice with its
+    /// acceleration.
     #[test]
-    fn velocities_that_are_parabolas_have_errors_of_positions_alone() {
+    fn estimates_are_the_errors_of_polynomials() {
+        assert_eq!(estimates(&[0.0, 0.5], |t| 3.0 * t, 3.0), [[0.375, 0.0]]);
         let found = estimates(&[0.0, 1.0, 2.0, 4.0], |t| t * t, 0.0);
         let expected = [[0.5, 1.0], [2.0 / 3.0 * 2.0 / 3.0, 0.0], [6.0 / 5.0 * 2.0 * 3.0 / 3.0, 0.0]];
-        for (found, expected) in found.iter().zip(expected) {
-            assert!((found[0] - expected[0]).abs() < 1e-12 && (found[1] - expected[1]).abs() < 1e-12, "{found:?}");
-        }
-    }
-
-    /// `v‴ = 6`: τ h (h + h₋), from the second step on, the first point counting twice with its acceleration.
-    #[test]
-    fn third_differences_are_those_of_four_points() {
+        assert!(
+            found.as_flattened().iter().zip(expected.as_flattened()).all(|(a, b)| (a - b).abs() < 1e-12),
+            "{found:?}"
+        );
         let found = estimates(&[0.0, 1.0, 2.0, 4.0, 5.0], |t| t * t * t + 7.0 * t, 7.0);
-        for (found, (tau, h, last)) in
-            found[1..].iter().zip([(2.0 / 3.0, 1.0, 1.0), (6.0 / 5.0, 2.0, 1.0), (0.75, 1.0, 2.0)])
-        {
-            let expected = tau * h * (h + last);
+        for (found, expected) in found[1..].iter().zip([2.0 / 3.0 * 2.0, 6.0 / 5.0 * 2.0 * 3.0, 0.75 * 3.0]) {
             assert!((found[1] - expected).abs() < 1e-12 * expected, "{found:?} {expected}");
         }
-    }
-
-    /// A steady acceleration of 3: backward Euler goes ½ h² a too far.
-    #[test]
-    fn the_first_step_has_the_error_of_backward_euler() {
-        assert_eq!(estimates(&[0.0, 0.5], |t| 3.0 * t, 3.0), [[0.375, 0.0]]);
-        // v″ = 2: ½ h² v″.
-        assert_eq!(estimates(&[0.0, 0.5], |t| t * t, 0.0), [[0.0625, 0.25]]);
     }
 }

@@ -143,16 +143,12 @@ fn tension(spring: &Spring, at: &Extension) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::system::SystemBuilder;
+    use crate::system::fixtures::tethered;
 
     /// A spring of 2 m at rest with k = 30 N, 3 m long: T = 15 N, T/l = 5 N/m.
     #[test]
     fn lasting_tension_is_reduced_by_turning() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([3.0, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 30.0, rest_length: 2.0, damping: 0.0 });
-        let (system, state) = builder.build().unwrap();
+        let (system, state) = tethered(3.0, 1.0, Spring { stiffness: 30.0, rest_length: 2.0, damping: 0.0 });
         let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let (spring, at) = (system.springs()[0], extensions.as_slice()[0]);
         let mut tensions = Tensions::new(&system);

@@ -1,8 +1,5 @@
-use super::coefficients::{A, C, E3, E5, Row, SQUARE, STAGES, chain, sum, weights};
-use super::{Dop853, END};
-use crate::integrate::{AdaptiveStepper, TimeStepper};
-use crate::spring::Spring;
-use crate::system::{State, System, SystemBuilder};
+use super::*;
+use crate::integrate::fixtures::{particles, scene};
 
 /// A rooted tree of Butcher's theory: its order, its density γ and its elementary weight of every stage.
 #[derive(Clone)]
@@ -105,13 +102,8 @@ fn squares_have_the_zeros_of_the_matrix() {
 
 /// A damped particle of 2 kg on a spring of 50 N/m along the first axis, under gravity, with its known motion.
 fn oscillator() -> (System, State, impl Fn(f64) -> [f64; 2]) {
-    let mut builder = SystemBuilder::new();
-    builder.gravity(3.0, 0.0, 0.0);
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([2.1, 0.0, 0.0], 2.0);
-    builder.hold(0);
-    builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 2.0, damping: 4.0 });
-    let (system, mut state) = builder.build().unwrap();
+    let mut builder = scene(&[([0.0; 3], 1.0), ([2.1, 0.0, 0.0], 2.0)], &[(0, 1, [100.0, 2.0, 4.0])]);
+    let (system, mut state) = builder.gravity(3.0, 0.0, 0.0).hold(0).clone().build().unwrap();
     state.velocities[1].x = -0.7;
     // x'' + 2x' + 25x = 3 about the rest place: x = 0.12 + e^(−t) (a cos ωt + b sin ωt), ω² = 24.
     let omega = 24f64.sqrt();
@@ -220,9 +212,7 @@ fn evaluations_are_not_repeated() {
 /// Where nothing moves there is no error.
 #[test]
 fn steps_at_rest_have_no_error() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([1.0; 3], 1.0);
-    let (system, mut state) = builder.build().unwrap();
+    let (system, mut state) = particles(&[1.0]);
     let mut stepper = Dop853::new(&system, &state).unwrap();
     stepper.step(&mut state, 0.5).unwrap();
     assert_eq!(stepper.local_error, 0.0);

@@ -1,25 +1,15 @@
-use super::{ImplicitOptions, LinearSystem, StiffnessPolicy};
+use super::*;
 use crate::integrate::StepMatrices;
-use crate::interrupt::Interrupt;
-use crate::linear::{SolveFailure, SolverChoice, SolverOptions};
+use crate::integrate::fixtures::scene;
+use crate::linear::SolverChoice;
 use crate::memory::watch::asked;
-use crate::operator::Combination;
-use crate::spring::{Spring, Stiffness};
 use crate::system::fixtures::row;
-use crate::system::{State, System, SystemBuilder};
-use nalgebra::Vector3;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Two particles 1 m apart, the first held, on springs of 20 N and these rest lengths.
-fn pair(rest_lengths: &[f64]) -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([1.0, 0.0, 0.0], 1.0);
-    builder.hold(0);
-    for &rest_length in rest_lengths {
-        builder.spring(0, 1, Spring { stiffness: 20.0, rest_length, damping: 0.0 });
-    }
-    builder.build().unwrap()
+/// Two particles 1 m apart, the first held, on springs of 20 N, one at rest and one of this rest length.
+fn pair(rest_length: f64) -> (System, State) {
+    let springs = [rest_length, 1.0].map(|rest_length| (0, 1, [20.0, rest_length, 0.0]));
+    scene(&[([0.0; 3], 1.0), ([1.0, 0.0, 0.0], 1.0)], &springs).hold(0).clone().build().unwrap()
 }
 
 fn with_solver(stiffness: Stiffness, solver: SolverChoice) -> ImplicitOptions {
@@ -41,7 +31,7 @@ fn matrices_are_regularized_where_terms_are_dropped() {
         (2.0, StiffnessPolicy::Always(Stiffness::Absolute), 0.1, 1),
         (0.5, StiffnessPolicy::Always(Stiffness::Tension), 0.1, 0),
     ] {
-        let (system, state) = pair(&[rest_length, 1.0]);
+        let (system, state) = pair(rest_length);
         let options = ImplicitOptions { stiffness: policy, ..ImplicitOptions::default() };
         let mut linear = LinearSystem::new(&system, &state, &options).unwrap();
         for solves in 1..=3 {
@@ -59,7 +49,7 @@ fn matrices_are_regularized_where_terms_are_dropped() {
 /// LDLᵀ under the full stiffness solves with an indefinite matrix, and counts that.
 #[test]
 fn solves_with_indefinite_matrices_are_counted() {
-    let (system, state) = pair(&[2.0, 1.0]);
+    let (system, state) = pair(2.0);
     let options = with_solver(Stiffness::Full, SolverChoice::Ldlt);
     let mut linear = LinearSystem::new(&system, &state, &options).unwrap();
     for (dt, indefinite) in [(0.1, 0), (1.0, 1), (1.0, 2), (0.1, 2)] {
@@ -72,7 +62,7 @@ fn solves_with_indefinite_matrices_are_counted() {
 /// `fᵀ D⁻¹ f` on free axes, and infinity where D is indefinite or singular along any of them, pulled or not.
 #[test]
 fn block_energies_are_those_of_free_axes() {
-    let (system, state) = pair(&[2.0, 1.0]);
+    let (system, state) = pair(2.0);
     let mut linear = LinearSystem::new(&system, &state, &ImplicitOptions::default()).unwrap();
     let force = [Vector3::repeat(9.0), Vector3::new(6.0, 2.0, 4.0)];
     // One across the springs of 20 N each, without transverse terms: M/dt² = 4, and 20/2 + 20/1 along.
@@ -94,7 +84,7 @@ fn block_energies_are_those_of_free_axes() {
 /// In place of an option: the axial block, and the given coefficients across it, by position.
 #[test]
 fn transverse_coefficients_can_be_given() {
-    let (system, state) = pair(&[2.0, 1.0]);
+    let (system, state) = pair(2.0);
     let mut linear = LinearSystem::new(&system, &state, &ImplicitOptions::default()).unwrap();
     linear.prepare_with(Combination::step(0.5), |position, _, _| [1.0, 3.0][position]).unwrap();
     let mut displacement = [Vector3::zeros(); 2];
@@ -107,7 +97,7 @@ fn transverse_coefficients_can_be_given() {
 #[test]
 fn interrupts_end_assemblies_and_solves() {
     static FLAG: AtomicBool = AtomicBool::new(false);
-    let (system, state) = pair(&[2.0, 1.0]);
+    let (system, state) = pair(2.0);
     let linear = SolverOptions { interrupt: Interrupt::on(&FLAG), ..SolverOptions::default() };
     let options = ImplicitOptions { stiffness: Stiffness::Full.into(), linear };
     let mut linear = LinearSystem::new(&system, &state, &options).unwrap();

@@ -1,23 +1,18 @@
 //! A monitor along a run.
 
-use super::energy_balance::{EnergyBalance, ParticleSums};
 use super::work::BodyEnergy;
-use super::{Balance, Monitor, MonitorOptions};
-use crate::force::{Energy, SpringSums};
-use crate::integrate::{Outcome, Schedule, Statistics, Status, StepFailure, TimeStepper, Verlet, run_monitored};
-use crate::spring::Spring;
+use super::*;
+use crate::force::SpringSums;
+use crate::integrate::fixtures::{monitored, scene};
+use crate::integrate::{RunFailure, Schedule, Statistics, Status, Verlet};
 use crate::system::fixtures::row;
-use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
+use crate::system::{Axes, Constraint, Motion};
 use nalgebra::Vector3;
-use std::ops::ControlFlow;
 
 /// A particle of 2 kg at 1 m/s, which has 1 J, and one that is held.
 fn free() -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 2.0);
-    builder.particle([3.0, 0.0, 0.0], 1.0);
-    builder.hold(1);
-    let (system, mut state) = builder.build().unwrap();
+    let mut builder = scene(&[([0.0; 3], 2.0), ([3.0, 0.0, 0.0], 1.0)], &[]);
+    let (system, mut state) = builder.hold(1).clone().build().unwrap();
     state.velocities[0].x = 1.0;
     (system, state)
 }
@@ -61,19 +56,14 @@ fn states_of_other_systems_are_refused() {
     let ((system, start), (other, foreign)) = (free(), row(3));
     assert!(Monitor::new(&system, &foreign, MonitorOptions::default()).is_err());
     let mut monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
-    let mut stepper = Verlet::new(&other, &foreign).unwrap();
-    let mut state = foreign.clone();
-    let see = |_: u64, _: &State, _: &Monitor| ControlFlow::Continue(());
-    let outcome = run_monitored(&mut stepper, &mut state, &Schedule::steps(0.1, 2), &mut monitor, see);
-    assert_eq!(outcome.end.unwrap_err().failure, StepFailure::ForeignState { found: 3, expected: 2 });
+    let (mut stepper, mut state) = (Verlet::new(&other, &foreign).unwrap(), foreign);
+    stepper.step_seen(&mut state, 0.1, monitor.springs()).unwrap();
+    assert_eq!(monitor.enter(1, &state, 0.1), Err(StepFailure::ForeignState { found: 3, expected: 2 }));
 }
 
 /// A free particle on a damped spring of 12 N/m that another, which is led, draws along.
 fn drawn() -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.particle([1.0, 0.0, 0.0], 3.0);
-    builder.particle([0.0; 3], 2.0);
-    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.7 });
+    let mut builder = scene(&[([1.0, 0.0, 0.0], 3.0), ([0.0; 3], 2.0)], &[(0, 1, [6.0, 0.5, 0.7])]);
     let motion = Motion::Velocity(Vector3::new(0.3, 0.0, 0.0));
     builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
     let (system, mut state) = builder.build().unwrap();
@@ -128,7 +118,7 @@ fn accounts_between_steps_are_in_proportion_to_time() {
 /// Doubles the velocities in every step, and fails after some.
 struct Doubling {
     steps: u64,
-    failing: (u64, StepFailure),
+    failing: u64,
     statistics: Statistics,
 }
 
@@ -138,8 +128,8 @@ impl TimeStepper for Doubling {
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
-        if self.steps == self.failing.0 {
-            return Err(self.failing.1);
+        if self.steps == self.failing {
+            return Err(StepFailure::Tolerance);
         }
         self.steps += 1;
         state.time += dt;
@@ -156,54 +146,41 @@ impl TimeStepper for Doubling {
 #[test]
 fn failures_of_growing_runs_are_reported_as_growth() {
     let (system, start) = free();
-    let run = |failing: (u64, StepFailure), speed: f64| {
-        let mut state = start.clone();
-        state.velocities[0].x = speed;
+    for (failing, speed, steps, [step, end], status) in [
+        // 1, 4 and 16 J: three joules more are not too many, fifteen are.
+        (1, 1.0, 1, [2, 1], Status::NotConverged),
+        (2, 1.0, 0, [3, 0], Status::Unstable),
+        // 64 J are more than twenty times all there was: the third step ends the run itself.
+        (9, 1.0, 0, [3, 0], Status::Unstable),
+        // Energy that is no number, found at once.
+        (9, 1e154, 0, [1, 0], Status::NonFinite),
+        // At rest nothing grows.
+        (4, 0.0, 4, [5, 4], Status::NotConverged),
+    ] {
+        let mut scene = (system.clone(), start.clone());
+        scene.1.velocities[0].x = speed;
         let mut stepper = Doubling { steps: 0, failing, statistics: Statistics::default() };
-        let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
-        let schedule = Schedule::steps(0.5, 9);
-        let see = |_: u64, _: &State, _: &Monitor| ControlFlow::Continue(());
-        (run_monitored(&mut stepper, &mut state, &schedule, &mut monitor, see), state)
-    };
-    let reported = |outcome: &Outcome| {
-        let failure = outcome.end.unwrap_err();
-        (outcome.steps, failure.step, failure.time, outcome.status())
-    };
-    // 1, 4 and 16 J: three joules more are not too many, fifteen are.
-    let (outcome, state) = run((1, StepFailure::Tolerance), 1.0);
-    assert_eq!((reported(&outcome), state.time), ((1, 2, 0.5, Status::NotConverged), 0.5));
-    let (outcome, state) = run((2, StepFailure::Tolerance), 1.0);
-    assert_eq!((reported(&outcome), state.time), ((0, 3, 1.0, Status::Unstable), 0.0));
-    // 64 J are more than twenty times all there was: the third step ends the run itself.
-    let (outcome, state) = run((9, StepFailure::Tolerance), 1.0);
-    assert_eq!((reported(&outcome), state.time), ((0, 3, 1.0, Status::Unstable), 0.0));
-    // Energy that is no number, found at once.
-    let (outcome, state) = run((9, StepFailure::Tolerance), 1e154);
-    assert_eq!((reported(&outcome), state.time), ((0, 1, 0.0, Status::NonFinite), 0.0));
-    // At rest nothing grows.
-    let (outcome, state) = run((4, StepFailure::Tolerance), 0.0);
-    assert_eq!((reported(&outcome), state.time), ((4, 5, 2.0, Status::NotConverged), 2.0));
-}
-
-fn body(kinetic: f64, gravitational: f64) -> BodyEnergy {
-    BodyEnergy { kinetic, gravitational }
+        let options = MonitorOptions::default();
+        let (outcome, state, _) = monitored(&scene, &mut stepper, options, Schedule::steps(0.5, 9));
+        let RunFailure { step: found, time, .. } = outcome.end.unwrap_err();
+        assert_eq!((outcome.steps, found, outcome.status()), (steps, step, status), "{failing} {speed}");
+        assert_eq!([time, state.time], [step - 1, end].map(|steps| 0.5 * steps as f64), "{failing} {speed}");
+    }
 }
 
 /// Masses of 1 kg and 3 kg at 4 m/s and 0: the centre of mass goes at 1 m/s, and has 2 J of the 8 J where nothing is held.
 #[test]
 fn the_centre_of_mass_of_a_free_scene_is_known_by_itself() {
     for is_held in [false, true] {
-        let mut builder = SystemBuilder::new();
+        let mut builder = scene(&[([0.0, 1.0, 0.0], 1.0), ([1.0, 2.0, 0.0], 3.0)], &[]);
         builder.gravity(0.0, -10.0, 0.0);
-        builder.particle([0.0, 1.0, 0.0], 1.0);
-        builder.particle([1.0, 2.0, 0.0], 3.0);
         builder.velocities[0] = Vector3::new(4.0, 0.0, 0.0);
         if is_held {
             builder.hold(1);
         }
         let (system, state) = builder.build().unwrap();
         let sums = ParticleSums::at(&system, &state, !is_held);
-        assert_eq!(sums.energy, body(8.0, 70.0));
+        assert_eq!(sums.energy, BodyEnergy { kinetic: 8.0, gravitational: 70.0 });
         let free = EnergyBalance::new(&SpringSums::default(), &sums, BodyEnergy::default()).free();
         let expected = if is_held { (8.0, 70.0) } else { (6.0, 0.0) };
         assert_eq!((free.kinetic, free.potential), expected);

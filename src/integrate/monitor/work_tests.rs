@@ -1,11 +1,8 @@
 //! The work of constraints and external forces, against integrals by hand.
 
 use super::work::Work;
-use crate::spring::Spring;
-use crate::system::{
-    Actuation, Axes, Behaviour, Constraint, Curve, ExternalForce, Loads, Motion, State, StateView, System,
-    SystemBuilder,
-};
+use crate::integrate::fixtures::{actuated, scene};
+use crate::system::{Axes, Constraint, Curve, ExternalForce, Loads, Motion, State, StateView};
 use nalgebra::Vector3;
 
 /// Grows with time, and differs from particle to particle and from axis to axis.
@@ -23,9 +20,7 @@ impl ExternalForce for Hand {
 /// `Σ ½ (f + f')·(x' − x)` over the free coordinates: of two particles, one of which can move along z alone.
 #[test]
 fn work_is_the_mean_force_times_the_way() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([1.0, 2.0, 3.0], 1.0);
-    builder.particle([7.0, 0.0, 0.0], 1.0);
+    let mut builder = scene(&[([1.0, 2.0, 3.0], 1.0), ([7.0, 0.0, 0.0], 1.0)], &[]);
     builder.constrain(Constraint { axes: Axes::of(&[0, 1]), ..Constraint::hold([1]) });
     let (system, mut state) = builder.build().unwrap();
     let system = system.with_external_force(Hand);
@@ -44,29 +39,18 @@ fn work_is_the_mean_force_times_the_way() {
     assert_eq!(go(&mut state, [[-0.25, -0.125, 1.0], [0.0; 3]]), -4.0 * (0.75 + 0.625 + 4.0));
 }
 
-/// A spring of 6 N and 0.5 m between a free particle of 2 kg and one that is held, whose rest length changes to `factor` of it within a second.
-fn actuated(factor: f64) -> (System, State) {
-    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-    builder.particle([0.0; 3], 3.0);
-    builder.particle([1.0, 0.0, 0.0], 2.0);
-    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.0 });
-    builder.hold(0);
-    let (system, start) = builder.build().unwrap();
-    let factors = Curve { times: vec![0.0, 1.0], values: vec![1.0, factor] };
-    let actuation = vec![Actuation { springs: vec![0], factors }];
-    (system.with_behaviour(Behaviour { actuation, ..Behaviour::default() }).unwrap(), start)
-}
-
-/// At a length that stays, `½ k (l − l0)²/l0` with l0 of 0.05 m instead of 0.5 m, in a single step; while the length changes, to fourth order.
+/// A spring of 6 N and 0.5 m whose rest length changes within a second. At a length that stays, `½ k (l − l0)²/l0` with l0 of 0.05 m instead of
+/// 0.5 m, in a single step; while the length changes, to fourth order.
 #[test]
 fn rest_lengths_that_change_take_up_energy() {
-    let (system, start) = actuated(0.1);
+    let scene = |factor| actuated(2, [6.0, 0.5, 0.0], [0.0, 1.0], factor);
+    let (system, start) = scene(0.1);
     let after = State { time: 1.0, ..start.clone() };
     let work = Work::new(&system, &start).enter(&start, &after, 1.0, false).work;
     let expected = 3.0 * (0.95 * 0.95 / 0.05 - 0.25 / 0.5);
     assert!((work - expected).abs() < 1e-12 * expected, "{work} {expected}");
 
-    let (system, start) = actuated(0.4);
+    let (system, start) = scene(0.4);
     let at = |time: f64| {
         let mut state = State { time, ..start.clone() };
         state.positions[1].x = 1.0 + 0.3 * (3.0 * time).sin();
@@ -92,8 +76,7 @@ fn rest_lengths_that_change_take_up_energy() {
 /// constant loads times the way.
 #[test]
 fn gravity_that_changes_works_on_the_way() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 2.0);
+    let mut builder = scene(&[([0.0; 3], 2.0)], &[]);
     builder.constrain(Constraint { axes: Axes::of(&[2]), ..Constraint::hold([0]) });
     let (system, start) = builder.build().unwrap();
     let values = vec![Vector3::new(0.0, -4.0, 7.0), Vector3::new(0.0, 2.0, 9.0)];
@@ -117,8 +100,7 @@ fn gravity_that_changes_works_on_the_way() {
 /// moved is work of the constraint.
 #[test]
 fn drag_dissipates() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 2.0);
+    let mut builder = scene(&[([0.0; 3], 2.0)], &[]);
     let motion = Motion::Velocity(Vector3::new(0.0, 3.0, 0.0));
     builder.constrain(Constraint { particles: vec![0], axes: Axes::of(&[1]), motion });
     let (system, start) = builder.build().unwrap();
@@ -141,23 +123,15 @@ fn drag_dissipates() {
     }
 }
 
-/// A damped spring of 12 N/m between a free particle of 2 kg and one that is led along x at 0.3 m/s, under gravity.
-fn moved() -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.gravity(-4.0, 0.0, 9.0);
-    builder.particle([1.0, 0.0, 0.0], 3.0);
-    builder.particle([0.0; 3], 2.0);
-    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.7 });
-    let motion = Motion::Velocity(Vector3::new(0.3, 0.0, 0.0));
-    builder.constrain(Constraint { particles: vec![0], axes: Axes::of(&[0]), motion });
-    builder.build().unwrap()
-}
-
-/// A length `l = 1 + r₀t + r₁t²/2 + r₂t³/3` makes `∫ (κ (l − l0) + b l') u dt` and `b ∫ l'² dt` integrals by hand. A step that does not
+/// A damped spring of 12 N/m between a free particle of 2 kg and one that is led along x at 0.3 m/s, under gravity. A length
+/// `l = 1 + r₀t + r₁t²/2 + r₂t³/3` makes `∫ (κ (l − l0) + b l') u dt` and `b ∫ l'² dt` integrals by hand. A step that does not
 /// resolve the spring knows the mean of the tensions at its ends, and that of the rate.
 #[test]
 fn a_spring_that_is_drawn_takes_its_tension_times_the_way() {
-    let (system, start) = moved();
+    let mut builder = scene(&[([1.0, 0.0, 0.0], 3.0), ([0.0; 3], 2.0)], &[(0, 1, [6.0, 0.5, 0.7])]);
+    let motion = Motion::Velocity(Vector3::new(0.3, 0.0, 0.0));
+    builder.gravity(-4.0, 0.0, 9.0).constrain(Constraint { particles: vec![0], axes: Axes::of(&[0]), motion });
+    let (system, start) = builder.build().unwrap();
     let [r0, r1, r2, u, b] = [-0.3, -2.0, 5.0, 0.3, 0.7];
     let length = |t: f64| 1.0 + t * (r0 + t * (r1 / 2.0 + t * r2 / 3.0));
     let rate = |t: f64| r0 + t * (r1 + t * r2);

@@ -177,8 +177,7 @@ impl ForceBalance {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spring::Spring;
-    use crate::system::SystemBuilder;
+    use crate::integrate::fixtures::scene;
 
     fn close(a: f64, b: f64) -> bool {
         (a - b).abs() <= 1e-12 * b
@@ -209,51 +208,40 @@ mod tests {
     #[test]
     fn slow_iterations_replace_options() {
         for option in Stiffness::ALL {
-            let policy = StiffnessPolicy::Always(option);
+            let policy = NewtonMatrix::Policy(option.into());
             for (step, ratio, is_slow) in
                 [(1.0, 0.1, false), (0.25, 0.25, false), (0.24, 0.1, true), (1.0, 0.26, true), (0.24, 0.26, true)]
             {
-                let mut choice = MatrixChoice::new(policy);
+                let mut choice = MatrixChoice::new(option.into());
                 choice.record(step, ratio, true);
                 let stays = option == Stiffness::Full || !is_slow;
-                let expected = if stays { NewtonMatrix::Policy(policy) } else { ON_DEMAND };
-                assert_eq!(choice.matrix, expected, "{step} {ratio}");
+                assert_eq!(choice.matrix, if stays { policy } else { ON_DEMAND }, "{step} {ratio}");
             }
         }
     }
 
-    /// The progressive policy has a matrix for every iteration until it is too slow.
-    #[test]
-    fn slow_progressive_iterations_stay_progressive() {
-        let mut choice = MatrixChoice::new(StiffnessPolicy::Progressive);
-        for _ in 1..4 {
-            choice.record(0.1, 0.9, true);
-            assert_eq!(choice.matrix, NewtonMatrix::Policy(StiffnessPolicy::Progressive));
-        }
-        choice.record(0.1, 0.9, true);
-        assert_eq!(choice.matrix, NewtonMatrix::Shifted(LEAST_SHIFT));
-    }
-
+    /// Both policies have a matrix for every iteration until four with regularized ones were slow.
     #[test]
     fn only_slow_iterations_with_regularized_matrices_count() {
-        let mut choice = MatrixChoice::new(StiffnessPolicy::OnDemand);
-        for _ in 0..8 {
-            choice.record(0.1, 0.9, false);
-            choice.record(1.0, 0.1, true);
-        }
-        for _ in 1..4 {
-            choice.record(0.1, 0.9, true);
-            assert_eq!(choice.matrix, ON_DEMAND);
-        }
-        for _ in 0..2 {
-            choice.record(0.1, 0.9, true);
-            assert_eq!(choice.matrix, NewtonMatrix::Shifted(LEAST_SHIFT));
+        for policy in [StiffnessPolicy::OnDemand, StiffnessPolicy::Progressive] {
+            let mut choice = MatrixChoice::new(policy);
+            for _ in 0..8 {
+                choice.record(0.1, 0.9, false);
+                choice.record(1.0, 0.1, true);
+            }
+            let shifted = NewtonMatrix::Shifted(LEAST_SHIFT);
+            let policy = NewtonMatrix::Policy(policy);
+            for expected in [policy, policy, policy, shifted, shifted] {
+                choice.record(0.1, 0.9, true);
+                assert_eq!(choice.matrix, expected);
+            }
         }
     }
 
     #[test]
     fn shifts_rise_and_fall_by_factors_of_four() {
-        let mut choice = MatrixChoice { matrix: NewtonMatrix::Shifted(LEAST_SHIFT), slow_iterations: 0 };
+        let shifted = |shift| MatrixChoice { matrix: NewtonMatrix::Shifted(shift), slow_iterations: 0 };
+        let mut choice = shifted(LEAST_SHIFT);
         choice.lower_shift();
         assert_eq!(choice.matrix, NewtonMatrix::Shifted(0.0));
         for shift in [1.0, 4.0, 16.0] {
@@ -264,10 +252,10 @@ mod tests {
             choice.lower_shift();
             assert_eq!(choice.matrix, NewtonMatrix::Shifted(shift * LEAST_SHIFT));
         }
-        for (shift, rises) in [(0.5e8, true), (1e8, false)] {
-            let mut choice = MatrixChoice { matrix: NewtonMatrix::Shifted(shift), slow_iterations: 0 };
-            assert_eq!(choice.raise_shift(), rises);
-            assert_eq!(choice.matrix, NewtonMatrix::Shifted(if rises { 4.0 * shift } else { shift }));
+        for (shift, next) in [(0.5e8, Some(2e8)), (1e8, None)] {
+            let mut choice = shifted(shift);
+            assert_eq!(choice.raise_shift(), next.is_some());
+            assert_eq!(choice.matrix, NewtonMatrix::Shifted(next.unwrap_or(shift)));
         }
         let mut choice = MatrixChoice::new(StiffnessPolicy::OnDemand);
         choice.lower_shift();
@@ -306,15 +294,9 @@ mod tests {
     /// Two free particles below a held one: every magnitude by hand.
     #[test]
     fn forces_and_roundings_are_added_up_in_magnitude() {
-        let mut builder = SystemBuilder::new();
-        builder.gravity(0.0, -6.0, -8.0);
-        for (position, mass) in [([0.0; 3], 7.0), ([3.0, 0.0, 0.0], 2.0), ([3.0, 4.0, 0.0], 0.5)] {
-            builder.particle(position, mass);
-        }
-        builder.hold(0);
-        builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 2.0, damping: 4.0 });
-        builder.spring(1, 2, Spring { stiffness: 30.0, rest_length: 5.0, damping: 3.0 });
-        let (system, mut state) = builder.build().unwrap();
+        let particles = [([0.0; 3], 7.0), ([3.0, 0.0, 0.0], 2.0), ([3.0, 4.0, 0.0], 0.5)];
+        let mut builder = scene(&particles, &[(0, 1, [100.0, 2.0, 4.0]), (1, 2, [30.0, 5.0, 3.0])]);
+        let (system, mut state) = builder.gravity(0.0, -6.0, -8.0).hold(0).clone().build().unwrap();
         let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let mut trial = state.clone();
         trial.velocities[1] = Vector3::new(3.0, 4.0, 0.0);

@@ -1,25 +1,14 @@
-use super::control::{ForceBalance, MatrixChoice, NewtonMatrix, Point};
-use super::{NOISE, Newton, NewtonOptions, dot, free_norm};
-use crate::integrate::implicit::LinearSystem;
-use crate::integrate::{ImplicitOptions, StepFailure, StiffnessPolicy};
-use crate::linear::SolveFailure;
-use crate::operator::Combination;
-use crate::spring::{Spring, Stiffness};
+use super::*;
+use crate::integrate::ImplicitOptions;
+use crate::integrate::fixtures::scene;
+use crate::spring::Spring;
 use crate::system::fixtures::tethered;
-use crate::system::{State, System, SystemBuilder};
-use nalgebra::Vector3;
 
 /// Two free particles on a chain from the origin, with weight and damping.
 fn chain() -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.gravity(3.0, -10.0, 0.0);
-    for (position, mass) in [([0.0; 3], 7.0), ([2.0, 0.0, 0.0], 2.0), ([2.0, 3.0, 0.0], 0.5)] {
-        builder.particle(position, mass);
-    }
-    builder.hold(0);
-    for (i, j, stiffness, rest_length, damping) in [(0, 1, 100.0, 2.0, 4.0), (1, 2, 30.0, 4.0, 3.0)] {
-        builder.spring(i, j, Spring { stiffness, rest_length, damping });
-    }
+    let particles = [([0.0; 3], 7.0), ([2.0, 0.0, 0.0], 2.0), ([2.0, 3.0, 0.0], 0.5)];
+    let mut builder = scene(&particles, &[(0, 1, [100.0, 2.0, 4.0]), (1, 2, [30.0, 4.0, 3.0])]);
+    builder.gravity(3.0, -10.0, 0.0).hold(0);
     let (system, mut state) = builder.build().unwrap();
     state.velocities[1] = Vector3::new(0.0, 1.0, 0.0);
     state.velocities[2] = Vector3::new(0.0, 0.0, 2.0);
@@ -53,13 +42,10 @@ fn the_potential_its_slope_and_the_work_of_damping() {
     assert!(close(point.residual, a.norm().hypot(b.norm())));
     assert!(close(point.slope, 60.0 + 2.0 * 28.5), "{}", point.slope);
     // The same without the potential, at the same place.
-    let (force, displacement) = (newton.force.clone(), newton.displacement.clone());
-    for (d, direction) in newton.displacement.iter_mut().zip(&newton.direction) {
-        *d += direction * 0.5;
-    }
+    let force = newton.force.clone();
+    newton.move_by(0.5);
     assert!(close(newton.residual(&state, 0.5).unwrap(), point.slope));
     assert!(force.iter().zip(&newton.force).all(|(a, b)| (a - b).norm() < 1e-12));
-    newton.displacement = displacement;
     assert!(close(point.damping_slope, 8.0 + 2.0 * 12.0), "{}", point.damping_slope);
     // Magnitudes of the terms; differences of velocities, 2·√5·(1 + 2) and 0.5·√24·(2 + √20); forces of springs on positions.
     let inertia = 6.0 * 5f64.sqrt() + 0.5 * 24f64.sqrt() * (2.0 + 20f64.sqrt());
@@ -170,26 +156,17 @@ fn directions_solve_the_damped_equations_to_the_forcing_term() {
 /// Invalid options are refused; the residual left after a solution is recorded.
 #[test]
 fn steps_are_solved_to_the_tolerance() {
-    for (tolerance, is_valid) in
-        [(0.0, true), (1e-3, true), (-1e-300, false), (f64::INFINITY, false), (f64::NAN, false)]
-    {
-        let options = NewtonOptions { tolerance, ..NewtonOptions::default() };
-        assert_eq!(options.check().is_ok(), is_valid, "{tolerance}");
-    }
+    let is_valid = |tolerance| NewtonOptions { tolerance, ..NewtonOptions::default() }.check().is_ok();
+    assert_eq!([0.0, 1e-3, -1e-300, f64::INFINITY, f64::NAN].map(is_valid), [true, true, false, false, false]);
     let (system, state) = chain();
     let mut newton = newton(&system, &state, StiffnessPolicy::OnDemand);
     newton.options.tolerance = 1e-3;
     newton.solve(&state, 0.5).unwrap();
-    let recorded = newton.linear.statistics.max_relative_residual;
-    assert_eq!(recorded, relative_residual(&mut newton, &state, 0.5));
+    let Newton { linear, trial, term, force, .. } = &mut newton;
+    let balance = ForceBalance::new(&system, &linear.extensions, [&state, trial], 0.5, term);
+    let recorded = linear.statistics.max_relative_residual;
+    assert_eq!(recorded, free_norm(&system, force) / balance.forces);
     assert!(recorded > 0.0 && recorded < 1e-3, "{recorded:e}");
-}
-
-/// At the last point evaluated.
-fn relative_residual(newton: &mut Newton, state: &State, dt: f64) -> f64 {
-    let Newton { linear, trial, term, force, .. } = newton;
-    let balance = ForceBalance::new(linear.system, &linear.extensions, [state, trial], dt, term);
-    free_norm(linear.system, force) / balance.forces
 }
 
 /// A compressed spring takes 1.5 N/m across, more than the mass gives: masses are raised in steps of four.

@@ -1,15 +1,12 @@
-use super::{A, B, C, GAMMA, RATES, Rodas4, Row, STAGES, TIMES, rotational_damping};
-use crate::force::SpringGeometry;
-use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
-use crate::linear::{
-    Definiteness, LdltSolver, LinearSolver, PreparedMatrix, Solution, SolveFailure, SolverChoice, SolverOptions, norm,
-};
+use super::*;
+use crate::integrate::Status;
+use crate::integrate::fixtures::scene;
+use crate::linear::{Definiteness, LdltSolver, PreparedMatrix, Solution, SolverChoice, SolverOptions, norm};
 use crate::operator::SystemOperator;
 use crate::spring::{Spring, Stiffness};
 use crate::system::fixtures::tethered;
-use crate::system::{State, System, SystemBuilder};
 use crate::work::Work;
-use nalgebra::{Complex, SMatrix, SVector, Vector3};
+use nalgebra::{Complex, SMatrix, SVector};
 use std::sync::{Arc, Mutex};
 
 type Matrix = SMatrix<f64, STAGES, STAGES>;
@@ -78,15 +75,9 @@ fn it_is_a_stable_and_l_stable() {
 /// A particle of 1 kg between two compressed springs across which nothing holds it: A(γh) is indefinite beyond
 /// `γ²h² 2c = m` with c = k (1/l − 1/l0) = 10 N/m.
 fn compressed() -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    for x in [-1.0, 0.0, 1.0] {
-        builder.particle([x, 0.0, 0.0], 1.0);
-    }
-    builder.hold(0);
-    builder.hold(2);
-    for pair in [[0, 1], [1, 2]] {
-        builder.spring(pair[0], pair[1], Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-    }
+    let springs = [(0, 1, [20.0, 2.0, 0.0]), (1, 2, [20.0, 2.0, 0.0])];
+    let mut builder = scene(&[-1.0, 0.0, 1.0].map(|x| ([x, 0.0, 0.0], 1.0)), &springs);
+    builder.hold(0).hold(2);
     let (system, mut state) = builder.build().unwrap();
     state.velocities[1].y = 1e-3;
     (system, state)
@@ -152,14 +143,9 @@ fn shorter_steps_are_solved_more_accurately() {
 /// 3 kg, 1.5 m long and passed at 4 m/s across, the second from there to a held one, 2 m long and passed at 1 m/s.
 #[test]
 fn turning_springs_lose_energy() {
-    let mut builder = SystemBuilder::new();
-    for (position, mass) in [([0.0; 3], 2.0), ([1.5, 0.0, 0.0], 3.0), ([1.5, 0.0, 2.0], 5.0)] {
-        builder.particle(position, mass);
-    }
-    builder.hold(2);
-    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.0 });
-    builder.spring(1, 2, Spring { stiffness: 10.0, rest_length: 2.0, damping: 0.0 });
-    let (system, mut state) = builder.build().unwrap();
+    let particles = [([0.0; 3], 2.0), ([1.5, 0.0, 0.0], 3.0), ([1.5, 0.0, 2.0], 5.0)];
+    let mut builder = scene(&particles, &[(0, 1, [6.0, 0.5, 0.0]), (1, 2, [10.0, 2.0, 0.0])]);
+    let (system, mut state) = builder.hold(2).clone().build().unwrap();
     state.velocities[0] = Vector3::new(7.0, 4.0, 0.0);
     state.velocities[1] = Vector3::new(1.0, 0.0, -2.0);
     let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
