@@ -107,10 +107,7 @@ pub(super) fn set_right_hand_side(
     add_elastic_force(system, extensions, b);
 }
 
-/// `x += δx`, `v = δx/dt`, `t += dt`; prescribed coordinates exactly where their motion has them.
-///
-/// # Errors
-/// A new state that is not finite; the state is then unchanged.
+/// `x += δx`, `v = δx/dt`, `t += dt`; prescribed coordinates exactly where their motion has them. A state that is not finite is refused, and unchanged.
 fn advance(system: &System, state: &mut State, displacement: &[Vector3<f64>], dt: f64) -> Result<(), StepFailure> {
     let is_finite = |v: Vector3<f64>| State::is_finite_vector(&v);
     let mut moved = state.positions.iter().zip(displacement);

@@ -97,6 +97,16 @@ fn add_stages(
     }
 }
 
+/// Sets `to` to `x + passed v + Σ along_j a_j` and `v + Σ across_j a_j`, x and v being those of a state.
+fn set_combination(stages: &[Vec<Vector3<f64>>; STAGES], rows: [&Row; 2], from: &State, passed: f64, to: &mut State) {
+    let starts = from.positions.iter().zip(&from.velocities);
+    for ((x, v), (x0, v0)) in to.positions.iter_mut().zip(&mut to.velocities).zip(starts) {
+        *x = x0 + v0 * passed;
+        *v = *v0;
+    }
+    add_stages(stages, rows, &mut to.positions, &mut to.velocities);
+}
+
 impl<'s> Dop853<'s> {
     /// A stepper for a system.
     ///
@@ -141,13 +151,8 @@ impl<'s> Dop853<'s> {
     fn set_point(&mut self, stage: usize) {
         let Self { stages, base, stage: to, h, .. } = self;
         let (h, c) = (*h, C[stage]);
-        let from = base.positions.iter().zip(&base.velocities);
-        for ((x, v), (x0, v0)) in to.positions.iter_mut().zip(&mut to.velocities).zip(from) {
-            *x = x0 + v0 * (c * h);
-            *v = *v0;
-        }
         let (along, across) = (SQUARE[stage].map(|a| a * h * h), A[stage].map(|a| a * h));
-        add_stages(stages, [&along, &across], &mut to.positions, &mut to.velocities);
+        set_combination(stages, [&along, &across], base, c * h, to);
         to.time = base.time + c * h;
     }
 
@@ -218,14 +223,8 @@ impl<'s> Dop853<'s> {
     /// The interpolant at a share of the last accepted step.
     fn set_sample(&self, before: &State, share: f64, sample: &mut State) {
         let (h, weights) = (self.h, weights(share));
-        let passed = sum(&weights) * h;
-        let from = before.positions.iter().zip(&before.velocities);
-        for ((x, v), (x0, v0)) in sample.positions.iter_mut().zip(&mut sample.velocities).zip(from) {
-            *x = x0 + v0 * passed;
-            *v = *v0;
-        }
         let (along, across) = (chain(&weights, &A).map(|w| w * h * h), weights.map(|w| w * h));
-        add_stages(&self.stages, [&along, &across], &mut sample.positions, &mut sample.velocities);
+        set_combination(&self.stages, [&along, &across], before, sum(&weights) * h, sample);
     }
 
     /// A sample differs from the quintic through both ends of the last accepted step by at most `5 ‖e5‖`, or rounding.

@@ -125,8 +125,8 @@ impl TimeStepper for ExplicitEuler<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::integrate::{Dop853, Verlet};
+    use crate::integrate::Method;
+    use crate::integrate::fixtures::stepper;
     use crate::memory::watch::asked;
     use crate::system::fixtures::row;
 
@@ -134,10 +134,9 @@ mod tests {
     #[test]
     fn memory_is_asked_for_springs_and_particles() {
         let (system, state) = row(3);
-        let bytes = |new: &dyn Fn()| asked("the state of the method", new).1;
-        let verlet = bytes(&|| drop(Verlet::new(&system, &state).unwrap()));
-        let euler = bytes(&|| drop(ExplicitEuler::symplectic(&system, &state).unwrap()));
-        let dop853 = bytes(&|| drop(Dop853::new(&system, &state).unwrap()));
-        assert_eq!([verlet, euler, dop853], [2 * 40 + 3 * 150, 2 * 40 + 3 * 150, 2 * 40 + 3 * 700]);
+        for (method, particle) in [(Method::Verlet, 150), (Method::SymplecticEuler, 150), (Method::Dop853, 700)] {
+            let (_, bytes) = asked("the state of the method", || drop(stepper(method, &system, &state)));
+            assert_eq!(bytes, 2 * 40 + 3 * particle, "{method:?}");
+        }
     }
 }

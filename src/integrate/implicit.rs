@@ -87,7 +87,6 @@ pub(super) struct LinearSystem<'s> {
     pub extensions: SpringGeometry,
     pub statistics: Statistics,
     equations: MatrixAndSolver<'s>,
-    /// Made when first needed.
     regularization: Option<Regularization>,
     projection: Option<Projection>,
     /// Transverse terms that all prepared matrices have dropped or mirrored, those of stretched springs under `axial` included.
@@ -187,7 +186,6 @@ impl<'s> LinearSystem<'s> {
         outcome
     }
 
-    /// The replacement for an indefinite matrix, where the policy has one.
     fn softer(&mut self) -> Option<StiffnessState> {
         let Self { system, extensions, projection, stiffness, .. } = self;
         if let (Terms::Projected, Some(projection)) = (stiffness.terms, projection)

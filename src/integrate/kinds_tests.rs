@@ -6,7 +6,7 @@ use super::*;
 use crate::force::{Energy, Reactions, set_total_force};
 use crate::spring::{LawValue, Spring, SpringLaw, Stiffness, Tension};
 use crate::system::fixtures::tethered;
-use crate::system::{Axes, Constraint, Derivatives, ExternalForce, Motion, StateView, SystemBuilder};
+use crate::system::{Axes, Constraint, Derivatives, ExternalForce, Motion, StateView};
 use nalgebra::{DMatrix, Matrix3};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -42,23 +42,11 @@ impl ExternalForce for Floor {
 
 /// A patch of 4 × 4 particles that falls on a stiff floor.
 fn falling() -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.gravity(0.0, -9.81, 0.0);
-    for i in 0..4 {
-        for j in 0..4 {
-            builder.particle([0.1 * f64::from(i), 0.05 + 0.01 * f64::from(i), 0.1 * f64::from(j)], 0.01);
-        }
-    }
-    let spring = Spring { stiffness: 5.0, rest_length: 0.1, damping: 0.01 };
-    for p in 0..16 {
-        if p % 4 < 3 {
-            builder.spring(p, p + 1, spring);
-        }
-        if p < 12 {
-            builder.spring(p, p + 4, spring);
-        }
-    }
-    let (system, start) = builder.build().unwrap();
+    let places = (0..16).map(|p| [f64::from(p / 4), f64::from(p % 4)]);
+    let particles: Vec<_> = places.map(|[i, j]| ([0.1 * i, 0.05 + 0.01 * i, 0.1 * j], 0.01)).collect();
+    let pairs = (0..16).filter(|p| p % 4 < 3).map(|p| (p, p + 1)).chain((0..12).map(|p| (p, p + 4)));
+    let springs: Vec<_> = pairs.map(|(i, j)| (i, j, [5.0, 0.1, 0.01])).collect();
+    let (system, start) = scene(&particles, &springs).gravity(0.0, -9.81, 0.0).clone().build().unwrap();
     (system.with_external_force(Floor { height: 0.0, stiffness: 2e3, damping: 2.0 }), start)
 }
 

@@ -189,7 +189,7 @@ impl Method {
 mod tests {
     use super::*;
     use crate::integrate::fixtures::scene;
-    use crate::integrate::{CompletedStep, Monitor, MonitorOptions, PropagatedError};
+    use crate::integrate::{CompletedStep, Monitor, MonitorOptions, PropagatedError, StepFailure};
     use crate::system::fixtures::row;
     use crate::system::{Axes, Constraint, Motion};
     use nalgebra::Vector3;
@@ -197,21 +197,13 @@ mod tests {
     /// The dt of the matrices; and methods that solve with the exact matrix, or with none, ignore the stiffness option.
     #[test]
     fn matrices_are_those_of_the_stages() {
-        for method in Method::ALL {
-            let part = match method {
-                Method::Bdf2 => 2.0 / 3.0,
-                Method::W2 => 1.0 - 0.5f64.sqrt(),
-                Method::Rodas4 => 0.25,
-                Method::ImplicitMidpoint => 0.5,
-                _ => 1.0,
-            };
-            for step in [0.25, 3.0] {
-                assert!((method.matrix_dt(step) - part * step).abs() < 1e-15, "{}", method.name());
-            }
-            let ignores =
-                [Method::Rodas4, Method::Verlet, Method::Dop853, Method::ForwardEuler, Method::SymplecticEuler];
-            assert_eq!(method.takes_stiffness(), !ignores.contains(&method), "{}", method.name());
+        let w2 = 1.0 - 0.5f64.sqrt();
+        for (method, part) in Method::ALL.into_iter().zip([1.0, 1.0, 2.0 / 3.0, w2, 0.25, 0.5, 1.0, 1.0, 1.0, 1.0]) {
+            assert!([0.25, 3.0].iter().all(|step| (method.matrix_dt(*step) - part * step).abs() < 1e-15), "{method:?}");
         }
+        let ignores: Vec<_> = Method::ALL.into_iter().filter(|method| !method.takes_stiffness()).collect();
+        let explicit = [Method::Verlet, Method::Dop853, Method::ForwardEuler, Method::SymplecticEuler];
+        assert_eq!(ignores, [&[Method::Rodas4][..], &explicit].concat());
     }
 
     /// Every stepper has its method's name and, if implicit, a solver; counts its work, and is at the end of the step when it is done,
@@ -246,14 +238,21 @@ mod tests {
                 assert!(!stepper.propagate(&mut error, &CompletedStep { before, after, length: 0.25 }));
             }
             let timeless = State { time: f64::NAN, ..start.clone() };
-            for (state, dt) in [(&foreign, 0.25), (&timeless, 0.25), (&start, 0.0), (&start, -1.0), (&start, f64::NAN)]
+            let short = State { velocities: foreign.velocities.clone(), ..start.clone() };
+            let wrong = StepFailure::ForeignState { found: 2, expected: 3 };
+            let lengths = [0.0, -1.0, f64::NAN, f64::INFINITY].map(|dt| (&start, dt, StepFailure::StepLength(dt)));
+            let states = [(&foreign, wrong), (&short, wrong), (&timeless, StepFailure::NonFinite)];
+            for (state, dt, expected) in
+                states.map(|(state, failure)| (state, 0.25, failure)).into_iter().chain(lengths)
             {
-                assert!(stepper.step(&mut state.clone(), dt).is_err(), "{} {dt}", method.name());
                 let mut monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
-                assert!(stepper.step_seen(&mut state.clone(), dt, monitor.springs()).is_err());
-                if let Some(stepper) = &mut adaptive {
-                    assert!(stepper.try_step(state, dt).is_err());
+                let mut moved = state.clone();
+                let failures = [stepper.step(&mut moved, dt), stepper.step_seen(&mut moved, dt, monitor.springs())];
+                let tried = adaptive.as_mut().map(|stepper| stepper.try_step(state, dt).map(drop));
+                for failure in failures.into_iter().chain(tried) {
+                    assert_eq!(failure.unwrap_err().to_string(), expected.to_string(), "{method:?}");
                 }
+                assert_eq!((moved.positions, moved.velocities), (state.positions.clone(), state.velocities.clone()));
             }
             if let Some(stepper) = &mut adaptive {
                 stepper.accept(&mut foreign.clone());

@@ -1,13 +1,12 @@
 //! Systems cut in parts give the steps and accounts of the whole. Each part is on a thread of its own.
 
-use super::{Monitor, MonitorOptions, Regularization, StepFailure, TimeStepper, Verlet};
+use super::*;
 use crate::error::DegenerateSpring;
 use crate::force::SpringGeometry;
 use crate::operator::Combination;
 use crate::spring::Spring;
 use crate::system::fixtures::{Cut, in_parts};
 use crate::system::{Axes, Constraint, Motion, SystemBuilder};
-use nalgebra::Vector3;
 
 /// A ladder of damped rungs that swings, one end on a path with a kink; ten rungs are repeated.
 fn ladder(rungs: usize) -> SystemBuilder {
@@ -39,14 +38,17 @@ fn verlet_and_its_account_in_parts_are_those_of_the_whole() {
     // So long that every part has several batches of springs.
     let ladder = ladder(60);
     let (system, start) = ladder.clone().build().unwrap();
-    let mut state = start.clone();
-    let mut stepper = Verlet::new(&system, &state).unwrap();
-    let mut monitor = Monitor::new(&system, &state, options).unwrap();
-    for step in 1..=20 {
-        stepper.step(&mut state, dt).unwrap();
-        monitor.enter(step, &state, dt).unwrap();
-    }
-    let (indicators, balance) = (monitor.indicators(&state), monitor.balance());
+    let account = |system: &System, state: &mut State| {
+        let mut stepper = Verlet::new(system, state).unwrap();
+        let mut monitor = Monitor::new(system, state, options).unwrap();
+        for step in 1..=20 {
+            stepper.step(state, dt).unwrap();
+            monitor.enter(step, state, dt).unwrap();
+        }
+        (monitor.indicators(state), monitor.balance())
+    };
+    let mut state = start;
+    let (indicators, balance) = account(&system, &mut state);
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * (1.0 + a.abs());
     for parts in 2..5 {
         in_parts(
@@ -54,25 +56,19 @@ fn verlet_and_its_account_in_parts_are_those_of_the_whole() {
             parts,
             |p| p * 7 % parts,
             |Cut { particles, system, state: mut part, .. }| {
-                let mut stepper = Verlet::new(&system, &part).unwrap();
-                let mut monitor = Monitor::new(&system, &part, options).unwrap();
-                for step in 1..=20 {
-                    stepper.step(&mut part, dt).unwrap();
-                    monitor.enter(step, &part, dt).unwrap();
-                }
+                let (found, of_part) = account(&system, &mut part);
                 for (here, &p) in particles.iter().enumerate() {
                     assert_eq!(
                         (part.positions[here], part.velocities[here]),
                         (state.positions[p], state.velocities[p])
                     );
                 }
-                let found = monitor.indicators(&part);
                 for (found, expected) in [
                     (found.extent, indicators.extent),
                     (found.exchanged, indicators.exchanged),
-                    (monitor.balance().imbalance, balance.imbalance),
-                    (monitor.balance().work, balance.work),
-                    (monitor.balance().dissipated, balance.dissipated),
+                    (of_part.imbalance, balance.imbalance),
+                    (of_part.work, balance.work),
+                    (of_part.dissipated, balance.dissipated),
                 ] {
                     assert!(near(expected, found), "{parts} parts: {found} instead of {expected}");
                 }

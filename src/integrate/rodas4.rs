@@ -228,16 +228,12 @@ impl<'s> Rodas4<'s> {
             *sum = r / tau;
         }
         add_multiples(&C[stage], 1.0 / h, velocities, corrected);
-        for ((b, sum), mass) in b.iter_mut().zip(&*corrected).zip(system.masses()) {
-            *b += sum * *mass;
-        }
         let slope = h * RATES[stage];
-        for (b, rate) in b.iter_mut().zip(&*rate) {
-            *b += rate * slope;
-        }
-        // −G r_x: damping forces at the velocities −r_x.
-        for (minus, r) in corrected.iter_mut().zip(&*r) {
-            *minus = -r;
+        for (p, mass) in system.masses().iter().enumerate() {
+            b[p] += corrected[p] * *mass;
+            b[p] += rate[p] * slope;
+            // −G r_x: damping forces at the velocities −r_x.
+            corrected[p] = -r[p];
         }
         add_damping_product(system, &linear.extensions, corrected, b);
         Ok(())

@@ -52,7 +52,8 @@ use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 #[doc(alias = "Rosenbrock")]
 pub struct WMethod<'s> {
     linear: LinearSystem<'s>,
-    matrix: Option<PreparedMatrix>,
+    /// The step length of the current matrix, in s, and the number of steps that have reused it.
+    matrix: Option<(f64, u32)>,
     /// The geometry at which forces are evaluated; the linear system has the matrix's own.
     extensions: SpringGeometry,
     /// v, with prescribed components at their mean velocity over the step.
@@ -68,13 +69,6 @@ pub struct WMethod<'s> {
     s: Vec<Vector3<f64>>,
     /// `f(x, v) + (4 + √2) f(x_mid, v_mid)`, the stages' forces in the error estimate.
     forces: Vec<Vector3<f64>>,
-}
-
-/// The step length of the current matrix, in s, and the number of steps that have reused it.
-#[derive(Debug, Clone, Copy)]
-struct PreparedMatrix {
-    h: f64,
-    uses: u32,
 }
 
 impl WMethod<'_> {
@@ -112,7 +106,7 @@ impl<'s> WMethod<'s> {
             self.linear.begin(&self.s, true);
         }
         self.linear.prepare(self.linear.policy, Combination::step(Self::GAMMA * h))?;
-        self.matrix = Some(PreparedMatrix { h, uses: 0 });
+        self.matrix = Some((h, 0));
         Ok(())
     }
 
@@ -262,7 +256,7 @@ impl AdaptiveStepper for WMethod<'_> {
     fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
         StepFailure::of_arguments(self.linear.system, state, dt)?;
         match &mut self.matrix {
-            Some(matrix) if matrix.h == dt && matrix.uses < 5 => matrix.uses += 1,
+            Some((h, uses)) if *h == dt && *uses < 5 => *uses += 1,
             _ => self.prepare(state, dt)?,
         }
         self.advance(state, dt)?;

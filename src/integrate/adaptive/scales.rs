@@ -50,7 +50,6 @@ impl Scales {
         let length = self.length(state);
         let part = |error: f64, whole: f64| if error == 0.0 { 0.0 } else { error / whole };
         let path_length = self.speed * self.duration / length;
-        // Errors at the end grow in proportion to the path length up to about ten extents.
         let w = path_length.min(10.0).max(path_length / 10.0).max(1.0);
         part(norm(positions), length).hypot(part(norm(velocities), self.speed)) / self.tolerance * w.powf(self.power)
     }

@@ -1,6 +1,4 @@
-//! Step size control: the next length from the estimated error of this step and of the last one (PI controller).
-//!
-//! The error measure and the formula are in `adaptive`. A failed step is halved, and later steps return to its length slowly.
+//! Step size control by a PI controller; the error measure, the formula and the rules are in `adaptive`.
 
 use super::AdaptiveStepper;
 

@@ -53,15 +53,13 @@ impl History {
     /// True if a kink separates the step of h seconds from time t from the last one.
     fn is_broken(&self, t: f64, last: f64, h: f64) -> bool {
         let tolerance = SAME * h.min(last);
-        // Whether there is one from a time on and before another.
         let between = |from: f64, to: f64| {
             let next = self.kinks.partition_point(|&kink| kink < from);
             self.kinks.get(next).is_some_and(|&kink| kink < to)
         };
         let now = between(t - tolerance, t + h - tolerance);
-        let before = between(t - last - tolerance, t - tolerance);
+        let before = between(t - last - tolerance, t - tolerance) && h <= MOST_GROWTH * last;
         let inside = between(t - last + tolerance, t - tolerance);
-        let before = before && h <= MOST_GROWTH * last;
         (now || inside) && !(now && before)
     }
 

@@ -44,7 +44,7 @@ pub(super) struct EnergyBalance {
 }
 
 /// The part of the scene that exchanges energy, in J: without the moving coordinates themselves, and the centre of mass of a loose scene.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Free {
     pub kinetic: f64,
     /// Elastic and gravitational.

@@ -33,7 +33,7 @@ use serde::{Deserialize, Serialize};
 const PATIENCE: u32 = 3;
 
 /// The energies by which growth is judged, in J.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GrowthRecord {
     start: Free,
@@ -61,7 +61,7 @@ pub(super) struct GrowthRecord {
 }
 
 /// The energy of rounded positions.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Noise {
     /// ½ Σ (k/l0) δ², in J.
@@ -120,17 +120,11 @@ impl GrowthRecord {
         let start = balance.free();
         Self {
             start,
-            lowest: 0.0,
-            released: 0.0,
-            work: [0.0; 2],
-            gained: 0.0,
-            above: 0,
             noise: Noise { elastic: half * stiffness, inertia: half * mass },
             sums: (system.particles() + system.springs().len()) as f64 * f64::EPSILON,
             stored: start.kinetic + balance.energy.elastic,
             fall: fall(system, &state.moment(), None),
-            loaded: 0.0,
-            doubt: 0.0,
+            ..Self::default()
         }
     }
 
