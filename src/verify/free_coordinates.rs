@@ -26,13 +26,9 @@ pub fn elastic_force<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64]
     let mut force = vec![Vector3::zeros(); system.particles()];
     move |x, f| {
         system.dofs().scatter(x, &mut positions);
-        match SpringGeometry::at(system, &positions) {
-            Ok(geometry) => {
-                force.fill(Vector3::zeros());
-                add_elastic_force(system, &geometry, &mut force);
-            }
-            Err(_) => force.fill(Vector3::repeat(f64::NAN)),
-        }
+        let Ok(geometry) = SpringGeometry::at(system, &positions) else { return f.fill(f64::NAN) };
+        force.fill(Vector3::zeros());
+        add_elastic_force(system, &geometry, &mut force);
         system.dofs().gather(&force, f);
     }
 }
@@ -43,14 +39,10 @@ pub fn damping_force<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64]
     let mut velocities = state.velocities.clone();
     let mut force = vec![Vector3::zeros(); system.particles()];
     move |v, f| {
+        let Ok(geometry) = &geometry else { return f.fill(f64::NAN) };
         system.dofs().scatter(v, &mut velocities);
-        match &geometry {
-            Ok(geometry) => {
-                force.fill(Vector3::zeros());
-                add_damping_force(system, geometry, &velocities, &mut force);
-            }
-            Err(_) => force.fill(Vector3::repeat(f64::NAN)),
-        }
+        force.fill(Vector3::zeros());
+        add_damping_force(system, geometry, &velocities, &mut force);
         system.dofs().gather(&force, f);
     }
 }
@@ -62,6 +54,11 @@ pub fn elastic_energy<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64
         system.dofs().scatter(x, &mut state.positions);
         Energy::of(system, &state).elastic
     }
+}
+
+/// `x + h w`.
+pub(super) fn moved(x: &[f64], w: &[f64], h: f64) -> Vec<f64> {
+    x.iter().zip(w).map(|(x, w)| x + h * w).collect()
 }
 
 /// The random vectors that a product or a slope is tried on.

@@ -10,7 +10,7 @@
 //!
 //! Options II and III drop transverse terms of K: with these added back the V-curve has its floor again, without them a plateau of their size.
 
-use super::free_coordinates::elastic_force;
+use super::free_coordinates::{elastic_force, moved};
 use super::jacobian::{JacobianOptions, check_jacobian};
 use super::reference::{active_links, links, sizes};
 use super::stiffness::{against_blocks, spring_blocks, stiffness_against_duals, stiffness_entries};
@@ -21,7 +21,6 @@ use crate::figure::{Guide, Plot, Series};
 use crate::integrate::StepMatrices;
 use crate::operator::LinearOperator;
 use crate::spring::{Extension, Spring, Stiffness};
-use crate::system::System;
 use nalgebra::{Matrix3, Vector3};
 
 /// K under the full stiffness along random directions, entry by entry, and spring by spring.
@@ -46,24 +45,24 @@ pub(super) fn jacobian(case: &TestCase) -> Measured {
     Ok(checks)
 }
 
-/// A point of the curve: the worst of all directions.
+/// A step, the measured error and the largest that analysis allows.
 #[derive(Debug, Clone, Copy)]
 struct Point {
     h: f64,
     error: f64,
-    /// The largest error that analysis allows.
     allowed: f64,
-    /// The leading term of the truncation error.
-    truncation: f64,
-    /// The bound of the rounding error; the error itself is usually some thirty times smaller.
+}
+
+/// Measured errors over h, from large to the smallest that the rounding of x resolves, and the parts of the analysis: the worst of all directions.
+struct VCurve {
+    points: Vec<Point>,
+    /// The leading term of truncation over h².
+    leading: f64,
+    /// The bound of rounding times h; the error itself is usually some thirty times smaller.
     rounding: f64,
     /// The bound of the error of a middle that is off.
     offset: f64,
 }
-
-/// Measured errors over h, from large to the smallest that the rounding of x resolves.
-#[derive(Debug, Clone)]
-struct VCurve(Vec<Point>);
 
 /// Steps of 2⁻³ to 2⁻⁴².
 fn all_steps() -> Vec<f64> {
@@ -72,10 +71,10 @@ fn all_steps() -> Vec<f64> {
 
 impl VCurve {
     /// Measures `force`, over the free coordinates, against a product `K w` at the given steps.
-    fn measure(
+    fn measure<F: FnMut(&[f64], &mut [f64]), P: Fn(&[f64], &mut [f64])>(
         case: &TestCase,
-        mut force: impl FnMut(&[f64], &mut [f64]),
-        stiffness: &impl LinearOperator,
+        mut force: F,
+        product: P,
         steps: &[f64],
     ) -> Result<Self> {
         let TestCase { system, state, .. } = case;
@@ -84,50 +83,53 @@ impl VCurve {
         let count = if system.dofs().len() <= LARGE { 4 } else { 1 };
         let directions: Vec<_> = (0..count).map(|seed| Direction::new(&error, &state.positions, seed)).collect();
         let x = reduce(system, &state.positions);
-        let resolved_from = directions.iter().map(|direction| direction.resolved_from).fold(0.0, f64::max);
+        let largest = |of: fn(&Direction) -> f64| worst(directions.iter().map(of));
+        let resolved_from = largest(|direction| direction.resolved_from);
         let points = steps.iter().filter(|&&h| h >= resolved_from).map(|&h| {
-            let points: Vec<Point> = directions.iter().map(|d| d.point(&x, h, &mut force, stiffness)).collect();
-            let largest = |of: fn(&Point) -> f64| worst(points.iter().map(of));
-            Point {
-                h,
-                error: largest(|point| point.error),
-                allowed: largest(|point| point.allowed),
-                truncation: largest(|point| point.truncation),
-                rounding: largest(|point| point.rounding),
-                offset: largest(|point| point.offset),
-            }
+            let errors: Vec<_> = directions.iter().map(|d| d.errors(&x, h, &mut force, &product)).collect();
+            let [error, allowed] = [0, 1].map(|of: usize| worst(errors.iter().map(|errors| errors[of])));
+            Point { h, error, allowed }
         });
-        Ok(Self(points.collect()))
+        Ok(Self {
+            points: points.collect(),
+            leading: largest(|direction| direction.leading),
+            rounding: largest(|direction| direction.rounding),
+            offset: largest(|direction| direction.offset),
+        })
     }
 
     /// The smallest measured error, and the smallest that analysis allows. NaN if any error is NaN.
     fn floor(&self) -> (f64, f64) {
-        let smallest = |of: fn(&Point) -> f64| -worst(self.0.iter().map(|point| -of(point)));
+        let smallest = |of: fn(&Point) -> f64| -worst(self.points.iter().map(|point| -of(point)));
         (smallest(|point| point.error), smallest(|point| point.allowed))
     }
 
     /// The step where analysis allows least, at which a plateau is read: h, the measured error, the allowed one.
     fn plateau(&self) -> (f64, f64, f64) {
-        let best = self.0.iter().min_by(|a, b| a.allowed.total_cmp(&b.allowed));
+        let best = self.points.iter().min_by(|a, b| a.allowed.total_cmp(&b.allowed));
         best.map_or((f64::NAN, f64::NAN, f64::NAN), |point| (point.h, point.error, point.allowed))
     }
 
     /// Slope where truncation is ten times all rounding and h hides the next term; `None` where f is linear along w or too few steps are left.
     fn truncation_slope(&self) -> Option<f64> {
-        let dominates = |p: &&Point| p.h <= 1.0 / 64.0 && p.truncation >= 10.0 * (p.rounding + p.offset);
-        slope(self.0.iter().filter(dominates), 4)
+        let dominates = |&&Point { h, .. }: &&Point| {
+            h <= 1.0 / 64.0 && self.leading * h * h >= 10.0 * (self.rounding / h + self.offset)
+        };
+        slope(self.points.iter().filter(dominates), 4)
     }
 
     /// Slope where rounding, at a thirtieth of its bound, is ten times all else. Steps at which it vanishes are left out: along an axis n may be
     /// exact.
     fn rounding_slope(&self) -> Option<f64> {
-        let dominates = |p: &&Point| p.rounding <= 3.0 && p.rounding / 30.0 >= 10.0 * worst([p.truncation, p.offset]);
-        let vanishes = |p: &Point| p.error < 1e-3 * p.rounding;
-        slope(self.0.iter().filter(dominates).filter(|p| !vanishes(p)), 10)
+        let dominates = |&&Point { h, error, .. }: &&Point| {
+            let (rounding, others) = (self.rounding / h, worst([self.leading * h * h, self.offset]));
+            rounding <= 3.0 && rounding / 30.0 >= 10.0 * others && !(error < 1e-3 * rounding)
+        };
+        slope(self.points.iter().filter(dominates), 10)
     }
 
     fn series(&self, name: &str) -> Series {
-        Series::line(name, self.0.iter().map(|point| (point.h, point.error)).collect())
+        Series::line(name, self.points.iter().map(|point| (point.h, point.error)).collect())
     }
 }
 
@@ -218,27 +220,25 @@ impl<'a> Direction<'a> {
         worst(dofs.iter().zip(reduced).map(|(dof, value)| ratio(value.abs(), self.scale[dof.particle])))
     }
 
-    /// The measured and the predicted errors at a step.
-    fn point(
+    /// The measured error at a step, and the allowed one.
+    fn errors(
         &self,
         x: &[f64],
         h: f64,
         force: &mut impl FnMut(&[f64], &mut [f64]),
-        stiffness: &impl LinearOperator,
-    ) -> Point {
+        product: &impl Fn(&[f64], &mut [f64]),
+    ) -> [f64; 2] {
         let springs = self.sum(|link, delta| link.truncation(h, delta) + link.block_rounding() * delta * 3.0);
-        let (rounding, offset) = (self.rounding / h, self.offset);
-        let allowed = self.largest(&springs) + rounding + offset;
-        let along = |sign: f64| -> Vec<f64> { x.iter().zip(&self.w).map(|(x, w)| x + sign * h * w).collect() };
-        let (ahead, behind) = (along(1.0), along(-1.0));
-        let [mut after, mut before, mut product] = [(); 3].map(|()| vec![0.0; x.len()]);
+        let allowed = self.largest(&springs) + self.rounding / h + self.offset;
+        let (ahead, behind) = (moved(x, &self.w, h), moved(x, &self.w, -h));
+        let [mut after, mut before, mut difference] = [(); 3].map(|()| vec![0.0; x.len()]);
         force(&ahead, &mut after);
         force(&behind, &mut before);
-        let moved: Vec<f64> = ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * h)).collect();
-        stiffness.apply(&moved, &mut product);
-        let quotient = after.iter().zip(&before).map(|(a, b)| (a - b) / (2.0 * h));
-        let difference: Vec<f64> = quotient.zip(&product).map(|(d, p)| d - p).collect();
-        Point { h, error: self.relative(&difference), allowed, truncation: self.leading * h * h, rounding, offset }
+        let quotient = |(a, b): (&f64, &f64)| (a - b) / (2.0 * h);
+        product(&ahead.iter().zip(&behind).map(quotient).collect::<Vec<_>>(), &mut difference);
+        let quotients = after.iter().zip(&before).map(quotient);
+        difference.iter_mut().zip(quotients).for_each(|(product, quotient)| *product = quotient - *product);
+        [self.relative(&difference), allowed]
     }
 }
 
@@ -254,7 +254,7 @@ pub fn v_curve(case: &TestCase, stiffness: &impl LinearOperator) -> Result<Vec<C
     let TestCase { name: scene, system, state, .. } = case;
     check_length("stiffness", stiffness.order(), system.dofs().len())?;
     let check = |name: &str, value, bound, why: &str| Check::new(Claim::Jacobian, name, scene, value, bound, why);
-    let curve = VCurve::measure(case, elastic_force(system, state), stiffness, &all_steps())?;
+    let curve = VCurve::measure(case, elastic_force(system, state), |w, y| stiffness.apply(w, y), &all_steps())?;
     let (floor, allowed) = curve.floor();
     let why = "least over h of truncation k h² δ³/(2(l − hδ)³) and rounding 15 u k max(1, l/l0)/h of every spring, \
         relative to Σ ‖Kˢ‖ δ; of the order of u^(2/3), and u ‖x‖/l far from the origin";
@@ -301,40 +301,6 @@ fn dropped_block(option: Stiffness, link: &Link) -> Matrix3<f64> {
     across * dual::stiffness_block(link) * across * part
 }
 
-/// K with the terms that an option drops added back; these alone where there is no K.
-struct WithDroppedTerms<'a> {
-    stiffness: Option<&'a SymmetricMatrix>,
-    blocks: Vec<([usize; 2], Matrix3<f64>)>,
-    system: &'a System,
-}
-
-impl<'a> WithDroppedTerms<'a> {
-    fn new(case: &'a TestCase, option: Stiffness, stiffness: Option<&'a SymmetricMatrix>) -> Self {
-        let links = active_links(&case.system, &case.state.positions);
-        let blocks = links.iter().map(|link| (link.ends, dropped_block(option, link))).collect();
-        Self { stiffness, blocks, system: &case.system }
-    }
-}
-
-impl LinearOperator for WithDroppedTerms<'_> {
-    fn order(&self) -> usize {
-        self.system.dofs().len()
-    }
-
-    fn apply(&self, w: &[f64], y: &mut [f64]) {
-        match self.stiffness {
-            Some(stiffness) => stiffness.apply(w, y),
-            None => y.fill(0.0),
-        }
-        let dofs = self.system.dofs();
-        for ([i, j], block) in &self.blocks {
-            let s = block * (dofs.get(w, *i) - dofs.get(w, *j));
-            dofs.add(y, *i, &-s);
-            dofs.add(y, *j, &s);
-        }
-    }
-}
-
 /// The terms that `tension` and `axial` drop from K, and that `absolute` takes twice.
 pub(super) fn all_dropped_terms(case: &TestCase) -> Measured {
     let mut checks = Vec::new();
@@ -360,13 +326,26 @@ pub fn dropped_terms(case: &TestCase, option: Stiffness, stiffness: &SymmetricMa
     let entries = name("K against dual numbers without the dropped terms");
     let expected = |link: &Link| dual::stiffness_block(link) - dropped_block(option, link);
     let mut checks = vec![against_blocks(case, &stiffness.to_csc(), &entries, expected)?];
+    let links = active_links(system, &state.positions);
+    let blocks: Vec<_> = links.iter().map(|link| (link.ends, dropped_block(option, link))).collect();
+    let add_dropped = |w: &[f64], y: &mut [f64]| {
+        let dofs = system.dofs();
+        for ([i, j], block) in &blocks {
+            let s = block * (dofs.get(w, *i) - dofs.get(w, *j));
+            dofs.add(y, *i, &-s);
+            dofs.add(y, *j, &s);
+        }
+    };
+    let with_dropped = |w: &[f64], y: &mut [f64]| {
+        stiffness.apply(w, y);
+        add_dropped(w, y);
+    };
     let (mut force, steps) = (elastic_force(system, state), all_steps());
-    let completed = VCurve::measure(case, &mut force, &WithDroppedTerms::new(case, option, Some(stiffness)), &steps)?;
-    let without = VCurve::measure(case, &mut force, stiffness, &steps)?;
+    let completed = VCurve::measure(case, &mut force, with_dropped, &steps)?;
+    let without = VCurve::measure(case, &mut force, |w, y| stiffness.apply(w, y), &steps)?;
     let (h, plateau, allowed) = without.plateau();
     // The error of a vanishing force against the dropped terms alone is their size.
-    let nothing = |_: &[f64], f: &mut [f64]| f.fill(0.0);
-    let dropped = VCurve::measure(case, nothing, &WithDroppedTerms::new(case, option, None), &[h])?;
+    let dropped = VCurve::measure(case, |_, f| f.fill(0.0), add_dropped, &[h])?;
     let (_, expected, _) = dropped.plateau();
     let (floor, least) = completed.floor();
     let why = "with the dropped terms added back K is exact: least over h of truncation and rounding, of the order of u^(2/3)";
