@@ -21,7 +21,8 @@ pub enum Motion {
 }
 
 impl Motion {
-    fn kinks(&self) -> &[f64] {
+    /// The times of the corners of a path, in s.
+    pub(crate) fn kinks(&self) -> &[f64] {
         match self {
             Self::Held | Self::Velocity(_) => &[],
             Self::Path { times, .. } => times,

@@ -6,7 +6,7 @@
 
 use super::{Link, TestCase, reference};
 use crate::force::Energy;
-use crate::system::{Motion, State};
+use crate::system::State;
 use nalgebra::Vector3;
 
 /// The unit of rounding, 2⁻⁵³.
@@ -130,8 +130,7 @@ impl TestCase {
     /// The time, in s, until a path has a kink.
     pub(super) fn time_to_kink(&self) -> f64 {
         let start = self.state.time;
-        let later = self.system.prescribed().motions().iter().flat_map(corners).filter(|&&time| time > start);
-        later.fold(f64::INFINITY, |first, &time| first.min(time)) - start
+        self.system.prescribed().next_kink(start).map_or(f64::INFINITY, |kink| kink - start)
     }
 
     /// Accelerations at the start by the forces of springs and weight, in m/s²; zero along prescribed axes.
@@ -171,11 +170,6 @@ impl TestCase {
             "the ends of spring {spring} turn about or pass each other within the {duration:.1e} s of the runs"
         ))
     }
-}
-
-/// The times at which a path has a corner.
-pub(super) fn corners(motion: &Motion) -> &[f64] {
-    if let Motion::Path { times, .. } = motion { times } else { &[] }
 }
 
 #[cfg(test)]

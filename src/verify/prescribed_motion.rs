@@ -3,7 +3,6 @@
 //! Exact up to rounding: `x(0) + offset(t)` is one sum, and a place on a path three more operations. The motions are
 //! computed here a second time, from the scene's numbers.
 
-use super::limits::corners;
 use super::runs::{each_run, worst_step};
 use super::{Check, Claim, Measured, MethodVariant, TestCase, U, ratio, worst};
 use crate::integrate::{Method, PositionUpdate};
@@ -35,7 +34,7 @@ pub(super) fn measure(case: &TestCase) -> Measured {
 fn many_times(case: &TestCase) -> Vec<f64> {
     let mut times = vec![0.0, case.dt, 1.0, 1e3];
     for motion in case.system.prescribed().motions() {
-        let corners = corners(motion);
+        let corners = motion.kinks();
         times.extend(corners);
         times.extend(corners.windows(2).map(|pair| pair[0] + 0.37 * (pair[1] - pair[0])));
         times.extend(corners.iter().flat_map(|t| [t - 0.9, t + 0.9]));
@@ -46,9 +45,9 @@ fn many_times(case: &TestCase) -> Vec<f64> {
 /// The largest distance of a prescribed coordinate from its motion at the state's time, in units of rounding.
 fn distance(case: &TestCase, state: &State) -> f64 {
     worst(coordinates(case).map(|(dof, start, motion)| {
-        let offset = offset(motion, state.time, dof.axis);
+        let [offset, _, magnitude] = follow(motion, state.time, dof.axis);
         let error = (state.positions[dof.particle][dof.axis] - (start + offset)).abs();
-        ratio(error, U * (start.abs() + magnitude(motion, state.time, dof.axis)))
+        ratio(error, U * (start.abs() + magnitude))
     }))
 }
 
@@ -56,12 +55,12 @@ fn distance(case: &TestCase, state: &State) -> f64 {
 fn velocity_error(case: &TestCase, method: Method, dt: f64, before: &State, after: &State) -> f64 {
     worst(coordinates(case).map(|(dof, start, motion)| {
         let (p, axis) = (dof.particle, dof.axis);
+        let [_, velocity, magnitude] = follow(motion, after.time, axis);
         let (expected, unit) = if method.is_implicit() && method.moves_by() == PositionUpdate::New {
             let displacement = after.positions[p][axis] - before.positions[p][axis];
-            (displacement / dt, U * (start.abs() + magnitude(motion, after.time, axis)) / dt)
+            (displacement / dt, U * (start.abs() + magnitude) / dt)
         } else {
-            let expected = velocity_after(motion, after.time, axis);
-            (expected, U * expected.abs())
+            (velocity, U * velocity.abs())
         };
         ratio((after.velocities[p][axis] - expected).abs(), unit)
     }))
@@ -73,48 +72,29 @@ fn coordinates(case: &TestCase) -> impl Iterator<Item = (Dof, f64, &Motion)> {
     prescribed.iter().map(move |(dof, start, motion)| (dof, start, &prescribed.motions()[motion]))
 }
 
-/// The offset of the motion at time t, by following the path from its beginning.
-fn offset(motion: &Motion, t: f64, axis: usize) -> f64 {
+/// The offset of a motion at time t by following the path from its beginning, the velocity just after t, or after the kink from which t differs by
+/// rounding, and the magnitude of the terms of the offset.
+fn follow(motion: &Motion, t: f64, axis: usize) -> [f64; 3] {
     match motion {
-        Motion::Held => 0.0,
-        Motion::Velocity(v) => v[axis] * t,
+        Motion::Held => [0.0; 3],
+        Motion::Velocity(v) => [v[axis] * t, v[axis], (v[axis] * t).abs()],
         Motion::Path { times, offsets } => {
+            let segments =
+                || times.windows(2).zip(offsets.windows(2)).map(|(t, x)| [t[0], t[1], x[0][axis], x[1][axis]]);
+            let slope = |[from, to, x, y]: [f64; 4]| (y - x) / (to - from);
             let mut place = offsets[0][axis];
-            for n in 1..times.len() {
-                let share = ((t - times[n - 1]) / (times[n] - times[n - 1])).clamp(0.0, 1.0);
+            for [from, to, x, y] in segments() {
+                let share = ((t - from) / (to - from)).clamp(0.0, 1.0);
                 if share > 0.0 {
-                    place = (1.0 - share) * offsets[n - 1][axis] + share * offsets[n][axis];
+                    place = (1.0 - share) * x + share * y;
                 }
             }
-            place
-        }
-    }
-}
-
-/// The velocity of the motion just after time t, or after the kink from which t differs by rounding.
-fn velocity_after(motion: &Motion, t: f64, axis: usize) -> f64 {
-    match motion {
-        Motion::Held => 0.0,
-        Motion::Velocity(v) => v[axis],
-        Motion::Path { times, offsets } => {
-            let t = times.iter().copied().find(|kink| (kink - t).abs() <= SAME_TIME * t.abs()).unwrap_or(t);
-            let segment = (1..times.len()).find(|&n| times[n - 1] <= t && t < times[n]);
-            segment.map_or(0.0, |n| (offsets[n][axis] - offsets[n - 1][axis]) / (times[n] - times[n - 1]))
-        }
-    }
-}
-
-/// The magnitude of the terms of the offset at time t.
-fn magnitude(motion: &Motion, t: f64, axis: usize) -> f64 {
-    match motion {
-        Motion::Held => 0.0,
-        Motion::Velocity(v) => (v[axis] * t).abs(),
-        Motion::Path { times, offsets } => {
+            let after = times.iter().copied().find(|kink| (kink - t).abs() <= SAME_TIME * t.abs()).unwrap_or(t);
+            let velocity = segments().find(|&[from, to, ..]| from <= after && after < to).map_or(0.0, slope);
             let largest = offsets.iter().fold(0.0_f64, |largest, offset| largest.max(offset[axis].abs()));
             // The difference t − t0 is rounded relative to t, which the segment's slope carries over.
-            let steepest = times.windows(2).zip(offsets.windows(2));
-            let slopes = steepest.map(|(t, x)| (x[1][axis] - x[0][axis]).abs() / (t[1] - t[0]));
-            largest + t.abs() * slopes.fold(0.0, f64::max)
+            let steepest = segments().map(slope).fold(0.0_f64, |steepest, slope| steepest.max(slope.abs()));
+            [place, velocity, largest + t.abs() * steepest]
         }
     }
 }
@@ -133,7 +113,7 @@ mod tests {
 
     #[test]
     fn the_velocity_on_a_path_is_that_after_its_corner() {
-        let velocity = |t: f64| velocity_after(&path(), t, 0);
+        let velocity = |t: f64| follow(&path(), t, 0)[1];
         let times = [50.0, 100.0, 150.0, 200.0, 300.0, 400.0, 500.0];
         assert_eq!(times.map(velocity), [0.0, 3.0, 3.0, -1.0, -1.0, 0.0, 0.0]);
         // Within 1e-12 of the corner is at the corner.
@@ -142,10 +122,10 @@ mod tests {
     }
 
     #[test]
-    fn magnitudes_of_motions_by_hand() {
+    fn motions_by_hand() {
         let ahead = Motion::Velocity(Vector3::new(3.0, 0.0, 0.0));
-        assert_eq!([magnitude(&Motion::Held, 2.0, 0), magnitude(&ahead, -2.0, 0)], [0.0, 6.0]);
-        assert_eq!(magnitude(&path(), 50.0, 0), 300.0 + 50.0 * 3.0);
+        assert_eq!([follow(&Motion::Held, 2.0, 0), follow(&ahead, -2.0, 0)], [[0.0; 3], [-6.0, 3.0, 6.0]]);
+        assert_eq!(follow(&path(), 50.0, 0), [0.0, 0.0, 300.0 + 50.0 * 3.0]);
     }
 
     /// A particle that is moved at 2 m/s has gone 3 m in ½ s and has a velocity of 7 m/s: 1 m/s more than its displacement says, 5 m/s more

@@ -21,14 +21,13 @@
 //! Its steps are short enough for one iteration. The default's choice of K is not written a second time; of it, as of all
 //! others, the exact residual after the step is compared with that before it. Methods of several stages have known answers instead.
 
-use super::limits::corners;
 use super::reference::{self, damping_product, links, movers, stiffness_product};
 use super::runs::{each_run, worst_step};
 use super::{Check, Claim, Link, Measured, MethodVariant, TestCase, U, UNITS, direct, ratio, reduce, worst};
 use crate::integrate::{Method, PositionUpdate, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions, Tolerance, norm};
 use crate::spring::Stiffness;
-use crate::system::State;
+use crate::system::{Motion, State};
 use nalgebra::Vector3;
 
 /// Steps that are put back; of bdf2 more, as it starts with another formula.
@@ -416,7 +415,7 @@ impl Bdf2Step {
 
 /// Whether a corner of a path parts the step of length h from time t from the one before.
 fn starts_afresh(case: &TestCase, t: f64, h: f64) -> bool {
-    let corners: Vec<f64> = case.system.prescribed().motions().iter().flat_map(corners).copied().collect();
+    let corners: Vec<f64> = case.system.prescribed().motions().iter().flat_map(Motion::kinks).copied().collect();
     let slack = 1e-9 * h;
     let any = |from: f64, to: f64| corners.iter().any(|&corner| from <= corner && corner < to);
     let (now, before) = (any(t - slack, t + h - slack), any(t - h - slack, t - slack));

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::spring::Spring;
-use crate::system::{Axes, Constraint, Motion, SystemBuilder};
+use crate::system::{Axes, Constraint, SystemBuilder};
 use crate::verify::fixtures::{self, assert_close, case, chain, line_state as state, moved, path};
 
 const DT: f64 = 0.5;
