@@ -5,6 +5,7 @@
 //! groups is colouring a graph whose neighbours share a row: two particles joined by a spring, or by two. The greedy colouring needs at most one
 //! colour more than the largest number of such neighbours, whatever the number of particles.
 
+use super::force_error::Step;
 use crate::system::{Dof, System};
 use nalgebra_sparse::CscMatrix;
 
@@ -96,6 +97,20 @@ fn color(lists: &[Vec<u32>], members: &[Vec<u32>]) -> Vec<Vec<usize>> {
         colors[vertex] = color;
     }
     groups
+}
+
+/// The steps of the coordinates of a group, and the changes of a force over them, all moved at once.
+pub(super) fn differences(
+    force: &mut impl FnMut(&[f64], &mut [f64]),
+    x: &mut [f64],
+    group: &[usize],
+    step: impl Fn(usize, f64) -> Step,
+) -> (Vec<Step>, Vec<f64>) {
+    let steps: Vec<Step> = group.iter().map(|&column| step(column, x[column])).collect();
+    let after = evaluate_moved(force, x, group, |place, _| steps[place].forward);
+    let before = evaluate_moved(force, x, group, |place, _| steps[place].backward);
+    let differences = after.iter().zip(&before).map(|(after, before)| after - before).collect();
+    (steps, differences)
 }
 
 /// Evaluates a force with the coordinates of a group moved to `to(place in the group, coordinate)`, and moves them back.

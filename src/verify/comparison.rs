@@ -1,6 +1,7 @@
 //! Compared entries of matrices and vectors, the worst ones in a table, with the difference in words.
 
-use super::ForceError;
+use super::force_error::Step;
+use super::{ColumnGroups, ForceError, Link};
 use crate::error::Invalid;
 use crate::system::System;
 use nalgebra::{Matrix3, Vector3};
@@ -151,6 +152,25 @@ impl WorstEntries {
         });
     }
 
+    /// Compares all columns of a matrix with difference quotients: `differences` gives the steps of a group of columns and the changes of every row
+    /// over them, `allowed(row, column, step)` the allowed error.
+    pub fn compare_differences(
+        &mut self,
+        matrix: &CscMatrix<f64>,
+        groups: &ColumnGroups,
+        mut differences: impl FnMut(&[usize]) -> (Vec<Step>, Vec<f64>),
+        allowed: impl Fn(usize, usize, Step) -> f64,
+    ) {
+        for group in groups.groups() {
+            let (steps, differences) = differences(group);
+            for (&column, &step) in group.iter().zip(&steps) {
+                self.compare_column(matrix, column, groups.rows(column), |row| {
+                    (differences[row] / step.width(), allowed(row, column, step))
+                });
+            }
+        }
+    }
+
     fn compare_spring(
         &mut self,
         spring: Option<usize>,
@@ -204,7 +224,7 @@ pub(super) fn explain_by_spring(
     }
     let analytic = particle_block(system, matrix, i, j);
     let (numeric, tolerance) = numeric(i, j);
-    match block_verdict(&analytic, &numeric, &link.direction, link.rest_length, dimension, tolerance) {
+    match block_verdict(link, [&analytic, &numeric], dimension, tolerance) {
         Some(words) => entry.with_verdict(words),
         None => entry,
     }
@@ -226,17 +246,10 @@ fn coefficients(block: &Matrix3<f64>, n: &Vector3<f64>, dimension: usize) -> (f6
     (transverse, axial, (block - form).amax())
 }
 
-/// The fault of one spring's block in words, where both blocks have the form of one; differences up to `tolerance`, in N/m, count as agreement.
-fn block_verdict(
-    analytic: &Matrix3<f64>,
-    numeric: &Matrix3<f64>,
-    n: &Vector3<f64>,
-    rest_length: f64,
-    dimension: usize,
-    tolerance: f64,
-) -> Option<String> {
-    let (transverse, axial, rest) = coefficients(analytic, n, dimension);
-    let (true_transverse, true_axial, true_rest) = coefficients(numeric, n, dimension);
+/// The fault of the first of two blocks of a spring in words, if the second is right and where both have the form of one; differences up to `tolerance`, in N/m, count as agreement.
+fn block_verdict(link: &Link, blocks: [&Matrix3<f64>; 2], dimension: usize, tolerance: f64) -> Option<String> {
+    let [(transverse, axial, rest), (true_transverse, true_axial, true_rest)] =
+        blocks.map(|block| coefficients(block, &link.direction, dimension));
     if !(rest <= tolerance && true_rest <= tolerance) {
         return None;
     }
@@ -250,8 +263,8 @@ fn block_verdict(
     }
     let factor = axial / true_axial;
     if !agree(axial, true_axial) && both(factor) {
-        return Some(if (factor / rest_length - 1.0).abs() < 1e-6 {
-            format!("off by the factor l0 = {rest_length:.4}: k in place of k/l0")
+        return Some(if (factor / link.rest_length - 1.0).abs() < 1e-6 {
+            format!("off by the factor l0 = {:.4}: k in place of k/l0", link.rest_length)
         } else {
             format!("off by the factor {factor:.2}")
         });

@@ -3,10 +3,11 @@
 //! From x to x + w the elastic energy grows by `−∫₀¹ f_el(x + s w)·w ds`, the gravitational one by `−Σ m gravity·w`. Gauss's quadrature with eight
 //! nodes is exact to rounding as long as no spring changes by more than a twentieth: its integrand is analytic far around the interval.
 
-use super::coloring::evaluate_moved;
+use super::coloring::differences;
 use super::comparison::check_square;
 use super::dual::{damping_turns, force_against_energy};
-use super::free_coordinates::{damping_force, elastic_energy, elastic_force};
+use super::force_error::Step;
+use super::free_coordinates::{damping_force, elastic_energy, elastic_force, moved};
 use super::reference::{self, active_links, field, sizes};
 use super::{
     Check, Claim, ColumnGroups, ForceError, Link, Measured, SECOND, TestCase, U, VECTORS, WorstEntries, expand,
@@ -55,17 +56,9 @@ pub fn damping_entries(case: &TestCase, damping: &CscMatrix<f64>) -> Result<Chec
     let fastest = worst(state.velocities.iter().map(|v| v.amax()).chain([0.0]));
     let h = if fastest > 0.0 { fastest } else { 1.0 };
     let groups = ColumnGroups::of_system(system);
+    let differences = |group: &[usize]| differences(&mut force, &mut v, group, |_, v| Step::around(v, h));
     let mut entries = WorstEntries::new();
-    for group in groups.groups() {
-        let after = evaluate_moved(&mut force, &mut v, group, |_, v| v + h);
-        let before = evaluate_moved(&mut force, &mut v, group, |_, v| v - h);
-        for &column in group {
-            let width = (v[column] + h) - (v[column] - h);
-            entries.compare_column(damping, column, groups.rows(column), |row| {
-                ((after[row] - before[row]) / width, allowed[dofs[row].particle])
-            });
-        }
-    }
+    entries.compare_differences(damping, &groups, differences, |row, _, _| allowed[dofs[row].particle]);
     let why = "1 is rounding: 80 u b for every damper of a particle and u of each sum, as f_d is linear in v and h is as large \
         as the velocities; no truncation";
     let check = Check::new(Claim::Consistency, "G against ∂f_d/∂v", name, entries.worst, 1.0, why);
@@ -115,11 +108,9 @@ pub fn energy_slope(case: &TestCase, mut energy: impl FnMut(&[f64]) -> f64, forc
         let bounds = SlopeBounds::new(&error, state, &w, force);
         let h = (bounds.rounding(energy(&x)) / (2.0 * bounds.curvature)).cbrt();
         let h = if h.is_finite() { h.clamp(bounds.resolved, 0.125) } else { 0.125 };
-        let along = |sign: f64| -> Vec<f64> { x.iter().zip(&w).map(|(x, w)| x + sign * h * w).collect() };
-        let (ahead, behind) = (along(1.0), along(-1.0));
+        let (ahead, behind) = (moved(&x, &w, h), moved(&x, &w, -h));
         let difference = energy(&ahead) - energy(&behind);
-        let moved = ahead.iter().zip(&behind).map(|(a, b)| a - b);
-        let work: f64 = moved.zip(force).map(|(moved, f)| moved * f).sum();
+        let work: f64 = ahead.iter().zip(&behind).zip(force).map(|((a, b), f)| (a - b) * f).sum();
         let mismatch = (difference + work).abs() / (2.0 * h);
         let allowed = bounds.curvature * h * h + bounds.rounding(energy(&x)) / h + bounds.slope;
         relative = worst([relative, mismatch / bounds.force]);

@@ -16,10 +16,9 @@
 //! and twice u of itself. With two more products the force is off by at most `13 u k max(1, l/l0)`, 15 u over lengths
 //! within l/8. Adding the forces of all springs at a particle adds u of their sum of magnitudes for every spring.
 
-use super::reference::sizes;
+use super::reference::{active_links, sizes};
 use super::{Link, U, random_vector};
 use crate::force::{DegenerateSpring, SpringGeometry};
-use crate::spring::{Extension, Spring};
 use crate::system::System;
 use nalgebra::Vector3;
 
@@ -77,7 +76,11 @@ impl Step {
         let best = (rounding / (2.0 * curvature)).cbrt();
         // Without a spring the force is zero and any step will do.
         let h = Some(best.min(length / 8.0)).filter(|h| h.is_finite()).unwrap_or(1.0);
-        let h = h.max(32.0 * U * x.abs());
+        Self::around(x, h.max(32.0 * U * x.abs()))
+    }
+
+    /// The points x ± h.
+    pub fn around(x: f64, h: f64) -> Self {
         let (forward, backward) = (x + h, x - h);
         Self { forward, backward, offset: 0.5 * ((forward - x) - (x - backward)).abs() }
     }
@@ -101,11 +104,9 @@ pub(super) struct ForceError<'a> {
 
 impl<'a> ForceError<'a> {
     pub fn new(system: &'a System, positions: &[Vector3<f64>]) -> Result<Self, DegenerateSpring> {
-        let geometry = SpringGeometry::at(system, positions)?;
-        let link = |((index, ends, &spring), at): ((usize, [usize; 2], &Spring), &Extension)| {
-            Link::new(index, ends, spring, positions[ends[0]] - positions[ends[1]], at.length)
-        };
-        let links: Vec<Link> = geometry.springs(system).map(link).collect();
+        // Every spring has a direction.
+        SpringGeometry::at(system, positions)?;
+        let links = active_links(system, positions);
         let particles = system.particles();
         let mut at = vec![Vec::new(); particles];
         for (position, link) in links.iter().enumerate() {

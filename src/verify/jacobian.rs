@@ -149,8 +149,10 @@ pub fn check_jacobian(
     let mut comparisons: Vec<Comparison> = Vec::new();
     for group in groups.groups() {
         let steps: Vec<[f64; LEVELS]> = group.iter().map(|&column| steps_of(column)).collect();
-        let changes = changes(&mut force, &mut x, group, &steps);
-        compare_group(&changes, group, &steps, &groups, &analytic, &mut comparisons);
+        let values = std::array::from_fn(|level| {
+            [1.0, -1.0].map(|side| evaluate_moved(&mut force, &mut x, group, |place, x| x + side * steps[place][level]))
+        });
+        compare_group(&values, group, &steps, &groups, &analytic, &mut comparisons);
     }
     let largest = comparisons.iter().map(|c| c.estimate.value.abs()).fold(0.0, f64::max);
     let mut numeric = CooMatrix::new(n, n);
@@ -231,39 +233,13 @@ fn extrapolate(differences: &[f64; LEVELS], rounding: &[f64; LEVELS]) -> Estimat
     best.unwrap_or(Estimate { value: f64::NAN, error: f64::NAN })
 }
 
-/// The change of a component of the force from −h to +h, and its magnitude, at every step.
-#[derive(Debug, Clone, Copy)]
-struct Change {
-    difference: [f64; LEVELS],
-    size: [f64; LEVELS],
-}
-
-impl Change {
-    fn derivative(&self, steps: &[f64; LEVELS]) -> Estimate {
-        let quotients = std::array::from_fn(|level| self.difference[level] / (2.0 * steps[level]));
-        let rounding = std::array::from_fn(|level| U * self.size[level] / steps[level]);
-        extrapolate(&quotients, &rounding)
-    }
-}
-
-/// Changes of every component of the force, all columns of a group moved together.
-fn changes(
-    force: &mut impl FnMut(&[f64], &mut [f64]),
-    x: &mut [f64],
-    group: &[usize],
-    steps: &[[f64; LEVELS]],
-) -> Vec<Change> {
-    let mut changes = vec![Change { difference: [0.0; LEVELS], size: [0.0; LEVELS] }; x.len()];
-    #[expect(clippy::needless_range_loop, reason = "the level is an index of two arrays of arrays")]
-    for level in 0..LEVELS {
-        let after = evaluate_moved(force, x, group, |place, x| x + steps[place][level]);
-        let before = evaluate_moved(force, x, group, |place, x| x - steps[place][level]);
-        for (change, (after, before)) in changes.iter_mut().zip(after.iter().zip(&before)) {
-            change.difference[level] = after - before;
-            change.size[level] = after.abs().max(before.abs());
-        }
-    }
-    changes
+/// The derivative of a component of the force, whose values at x + h and x − h are given for every step.
+fn derivative(values: &[[Vec<f64>; 2]; LEVELS], row: usize, steps: &[f64; LEVELS]) -> Estimate {
+    let of_step = |of: fn(f64, f64, f64) -> f64| -> [f64; LEVELS] {
+        std::array::from_fn(|level| of(values[level][0][row], values[level][1][row], steps[level]))
+    };
+    let quotients = of_step(|after, before, h| (after - before) / (2.0 * h));
+    extrapolate(&quotients, &of_step(|after, before, h| U * after.abs().max(before.abs()) / h))
 }
 
 /// An entry of the matrix and the measured one.
@@ -293,7 +269,7 @@ impl Comparison {
 
 /// Lists the comparisons of a group: expected entries, those that only the matrix has, and changes in rows that no column accounts for.
 fn compare_group(
-    changes: &[Change],
+    values: &[[Vec<f64>; 2]; LEVELS],
     group: &[usize],
     steps: &[[f64; LEVELS]],
     groups: &ColumnGroups,
@@ -302,10 +278,10 @@ fn compare_group(
 ) {
     // f64::max passes over NaN: one component that is not finite must not excuse, or accuse, the others.
     let largest = |column: &[Estimate]| column.iter().map(|estimate| estimate.value.abs()).fold(0.0, f64::max);
-    let mut unclaimed = vec![true; changes.len()];
+    let mut unclaimed = vec![true; analytic.nrows()];
     for (&column, steps) in group.iter().zip(steps) {
         let rows = groups.rows(column);
-        let estimates: Vec<_> = rows.iter().map(|&row| changes[row as usize].derivative(steps)).collect();
+        let estimates: Vec<_> = rows.iter().map(|&row| derivative(values, row as usize, steps)).collect();
         let largest = largest(&estimates);
         let mut estimates = estimates.into_iter();
         for_each_entry(analytic, column, rows, |row, value, expected| {
@@ -317,7 +293,7 @@ fn compare_group(
     }
     // The matrix lacks an entry in one of the columns, the first for want of knowing better.
     let (Some(&column), Some(steps)) = (group.first(), steps.first()) else { return };
-    let estimates: Vec<_> = changes.iter().map(|change| change.derivative(steps)).collect();
+    let estimates: Vec<_> = (0..analytic.nrows()).map(|row| derivative(values, row, steps)).collect();
     let largest = largest(&estimates);
     for (row, &estimate) in estimates.iter().enumerate().filter(|(row, _)| unclaimed[*row]) {
         comparisons.push(Comparison { row, column, value: 0.0, estimate, largest });

@@ -12,11 +12,10 @@
 use super::runs::{each_run, worst_step};
 use super::{Check, Claim, Link, Measured, MethodVariant, TestCase, U, ratio, reference, worst};
 use crate::integrate::Method;
-use crate::rigid::first_connected;
+use crate::rigid::{Body, bodies};
 use crate::spring::Stiffness;
 use crate::system::{Axes, State};
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
 
 /// Particles that springs connect, and the axes along which none of them is prescribed.
 struct Part {
@@ -24,18 +23,16 @@ struct Part {
     axes: Vec<usize>,
 }
 
-/// The connected parts of the system.
+/// The connected parts of the system that no spring ties to a held particle.
 fn parts(case: &TestCase) -> Vec<Part> {
     let system = &case.system;
-    let firsts = first_connected(system.particles(), (0..system.pairs().len()).map(|spring| system.pair(spring)));
-    let mut parts: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    firsts.into_iter().enumerate().for_each(|(p, first)| parts.entry(first).or_default().push(p));
     let is_free = |p: &usize, axis: usize| system.dofs().free_axes(*p).contains(axis);
-    let part = |particles: Vec<usize>| {
+    let untied = bodies(system).into_iter().filter(|body| body.anchors.is_empty());
+    let part = |Body { particles, .. }: Body| {
         let axes = (0..system.dimension()).filter(|&axis| particles.iter().all(|p| is_free(p, axis))).collect();
         Part { particles, axes }
     };
-    parts.into_values().map(part).collect()
+    untied.map(part).collect()
 }
 
 pub(super) fn has_free_translation(case: &TestCase) -> bool {

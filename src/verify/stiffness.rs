@@ -1,6 +1,6 @@
 //! K and the blocks of springs, entry by entry, against central differences of the force and against dual numbers.
 
-use super::coloring::evaluate_moved;
+use super::coloring::differences;
 use super::comparison::{check_square, explain_by_spring};
 use super::force_error::Step;
 use super::free_coordinates::elastic_force;
@@ -28,24 +28,12 @@ pub fn stiffness_entries(case: &TestCase, stiffness: &CscMatrix<f64>) -> Result<
     let error = ForceError::new(system, &state.positions)?;
     let mut force = elastic_force(system, state);
     let mut x = reduce(system, &state.positions);
-    // The steps of a group of columns, and the differences of the force over them.
-    let mut differences = |group: &[usize]| -> (Vec<Step>, Vec<f64>) {
-        let steps: Vec<_> = group.iter().map(|&column| error.step(dofs[column].particle, x[column])).collect();
-        let after = evaluate_moved(&mut force, &mut x, group, |place, _| steps[place].forward);
-        let before = evaluate_moved(&mut force, &mut x, group, |place, _| steps[place].backward);
-        (steps, after.iter().zip(&before).map(|(after, before)| after - before).collect())
-    };
+    let mut differences =
+        |group: &[usize]| differences(&mut force, &mut x, group, |column, x| error.step(dofs[column].particle, x));
     let groups = ColumnGroups::of_system(system);
     let mut entries = WorstEntries::new();
-    for group in groups.groups() {
-        let (steps, differences) = differences(group);
-        for (&column, &step) in group.iter().zip(&steps) {
-            entries.compare_column(stiffness, column, groups.rows(column), |row| {
-                let allowed = error.allowed(dofs[row].particle, dofs[column].particle, step);
-                (differences[row] / step.width(), allowed)
-            });
-        }
-    }
+    let allowed = |row: usize, column: usize, step| error.allowed(dofs[row].particle, dofs[column].particle, step);
+    entries.compare_differences(stiffness, &groups, &mut differences, allowed);
     let why = format!(
         "1 is what analysis allows for an entry: truncation k h²/(2(l − h)³) of each spring between the two particles, rounding 15 u k max(1, l/l0) \
          of each force divided by h, h = (rounding/truncation)^(1/3) where both are least; {} entries with {} pairs of force evaluations",

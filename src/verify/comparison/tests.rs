@@ -1,6 +1,7 @@
 //! Errors ranked and put into words: every number here follows by hand from the two values that are compared.
 
 use super::*;
+use crate::spring::Spring;
 
 /// A difference is given in percent from two thirds to one and a half, and as a factor beyond.
 #[test]
@@ -87,12 +88,16 @@ fn block(n: Vector3<f64>, dimension: usize, transverse: f64, axial: f64) -> Matr
     (identity - along) * transverse + along * axial
 }
 
+fn along(n: Vector3<f64>, rest_length: f64) -> Link {
+    Link::new(0, [0, 1], Spring { stiffness: 1.0, rest_length, damping: 0.0 }, n, 1.0)
+}
+
 /// A spring's block with coefficients α and β other than the true ones.
 #[test]
 fn wrong_blocks_are_described_by_their_terms() {
     let n = Vector3::new(0.6, 0.8, 0.0);
     let words = |(a, b): (f64, f64), (c, d): (f64, f64), rest_length: f64| {
-        block_verdict(&block(n, 2, a, b), &block(n, 2, c, d), &n, rest_length, 2, 1e-6).unwrap_or_default()
+        block_verdict(&along(n, rest_length), [&block(n, 2, a, b), &block(n, 2, c, d)], 2, 1e-6).unwrap_or_default()
     };
     let cases = [
         ((2.0, 5.0), ""),
@@ -126,7 +131,7 @@ fn other_blocks_are_not_described_by_terms() {
     let right = block(n, 2, 2.0, 5.0);
     let mut odd = right * 2.0;
     odd[(0, 1)] += 0.5;
-    let words = |a: &Matrix3<f64>, b: &Matrix3<f64>| block_verdict(a, b, &n, 0.5, 2, 1e-6);
+    let words = |a: &Matrix3<f64>, b: &Matrix3<f64>| block_verdict(&along(n, 0.5), [a, b], 2, 1e-6);
     assert_eq!([words(&odd, &right), words(&right, &odd), words(&odd, &odd)], [None, None, None]);
     assert!(words(&(right * 2.0), &right).is_some());
 }
