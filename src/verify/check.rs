@@ -289,7 +289,6 @@ impl Check {
 /// The checks of a family, or the failure that prevented them.
 pub(super) type Measured = Result<Vec<Check>, Unfinished>;
 
-/// A failure that prevented a check.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Unfinished {
     #[error(transparent)]

@@ -246,7 +246,8 @@ fn coefficients(block: &Matrix3<f64>, n: &Vector3<f64>, dimension: usize) -> (f6
     (transverse, axial, (block - form).amax())
 }
 
-/// The fault of the first of two blocks of a spring in words, if the second is right and where both have the form of one; differences up to `tolerance`, in N/m, count as agreement.
+/// The fault of the first of two blocks of a spring in words, if the second is right and both have the form of one; differences up to `tolerance`,
+/// in N/m, count as agreement.
 fn block_verdict(link: &Link, blocks: [&Matrix3<f64>; 2], dimension: usize, tolerance: f64) -> Option<String> {
     let [(transverse, axial, rest), (true_transverse, true_axial, true_rest)] =
         blocks.map(|block| coefficients(block, &link.direction, dimension));
@@ -290,7 +291,6 @@ fn term_verdict(name: &str, term: f64, truth: f64, tolerance: f64) -> String {
     }
 }
 
-/// An entry of a sparse matrix, zero where it stores none.
 pub(super) fn entry_of(matrix: &CscMatrix<f64>, row: usize, column: usize) -> f64 {
     matrix.get_entry(row, column).map_or(0.0, |entry| entry.into_value())
 }
@@ -317,7 +317,6 @@ pub(super) fn for_each_entry(
     }
 }
 
-/// An error unless a matrix is n × n.
 pub(super) fn check_square(name: &str, matrix: &CscMatrix<f64>, n: usize) -> Result<(), Invalid> {
     if (matrix.nrows(), matrix.ncols()) == (n, n) {
         return Ok(());

@@ -22,7 +22,6 @@ use crate::system::{Dof, State, System};
 use nalgebra::Vector3;
 use nalgebra_sparse::CscMatrix;
 
-/// The elastic force against its energy, and G against the damping force.
 pub(super) fn derivatives(case: &TestCase) -> Measured {
     let TestCase { system, state, dt, .. } = case;
     let mut force = vec![0.0; system.dofs().len()];
@@ -38,9 +37,8 @@ pub(super) fn derivatives(case: &TestCase) -> Measured {
 
 /// Compares every entry of G with the central difference of the damping force by velocity.
 ///
-/// `damping` is the whole G under test, in N·s/m. f_d is linear in v, so there is no truncation and h is as large as the velocities.
-/// Value: the largest error as a multiple of rounding. Sees every fault of an entry above 1e-14 of the dampers at its particle, damping
-/// counted twice or of undamped springs; is blind to a direction n that is wrong in both.
+/// `damping` is the whole G under test, in N·s/m. Value: the largest error as a multiple of rounding. Sees every fault of an entry above 1e-14 of the
+/// dampers at its particle, damping counted twice or of undamped springs; is blind to a direction n that is wrong in both.
 ///
 /// # Errors
 /// A matrix of another size.
@@ -176,7 +174,6 @@ const NODES: [(f64, f64); 4] = [
     (0.960_289_856_497_536_3, 0.101_228_536_290_376_3),
 ];
 
-/// The growth of the energies along a short displacement against the work of the forces.
 pub(super) fn work_energy(case: &TestCase) -> Measured {
     let TestCase { system, state, .. } = case;
     let links = reference::links(system, &state.positions);
@@ -221,7 +218,6 @@ fn elastic_unit(links: &[Link], energies: [f64; 2], w: &[Vector3<f64>], position
     U * (energies[0] + energies[1] + work + arms.iter().sum::<f64>())
 }
 
-/// `u Σ m |gravity| |x|`.
 fn weight_unit(system: &System, positions: &[Vector3<f64>]) -> f64 {
     let heights: f64 = system.masses().iter().zip(positions).map(|(m, x)| m * x.norm()).sum();
     U * heights * system.gravity().norm()

@@ -52,8 +52,7 @@ impl ErrorCurve {
         (last - order).abs() < (before - order).abs()
     }
 
-    /// The reason why the curve says nothing of the order, if there is one: no one power of the step yet, or a higher one as the leading term
-    /// vanishes.
+    /// The reason why the curve says nothing of the order, if there is one.
     pub(super) fn unclear(&self) -> Option<String> {
         let [.., before, last] = self.slopes()[..] else { return None };
         let order = f64::from(self.order);

@@ -142,7 +142,6 @@ fn rounding(case: &TestCase, dt: f64) -> f64 {
     4.0 * case.system.dofs().len() as f64 * U * reference::step_matrix_norm(case, &case.state, dt)
 }
 
-/// Both factorizations on a scene's pattern.
 struct Factored {
     cholesky: Cholesky,
     ldlt: Ldlt,
@@ -162,7 +161,6 @@ impl Factored {
         Ok(self.cholesky.factor(&a).is_err())
     }
 
-    /// The number of negative pivots of LDLᵀ; `None` where it breaks down.
     fn negative_pivots(&mut self, a: &SymmetricMatrix) -> Option<usize> {
         self.ldlt.factor(a).ok()?;
         Some(self.ldlt.pivots().filter(|&(_, pivot)| pivot < 0.0).count())

@@ -1,8 +1,7 @@
 //! The force laws once more, in scalars that carry their own derivatives, and the forces held to them.
 //!
 //! A dual number `a + b ε`, `ε² = 0`, goes through a formula and comes out with the derivative of the result beside it,
-//! exact but for rounding: no step h, no truncation. Hyper-dual numbers carry second derivatives. Everything here is
-//! written from `f = −k (l/l0 − 1) n`, `U = ½ k (l − l0)²/l0` and `f_d = −b (n·v) n`, and shares no line with the formulas of blocks.
+//! exact but for rounding: no step h, no truncation. Hyper-dual numbers carry second derivatives.
 
 use super::reference::{self, active_links, sizes};
 use super::{Check, Claim, Link, TestCase, U, WorstEntries, random_vector, ratio, worst};
@@ -30,7 +29,6 @@ fn damping_force<D: DualNum<Primitive = f64> + Copy>(link: &Link, [x, y, z]: [D;
     [x * rate, y * rate, z * rate]
 }
 
-/// d with a unit dual part along an axis.
 fn seeded(d: &Vector3<f64>, axis: usize) -> [Dual64; 3] {
     [0, 1, 2].map(|a| Dual64::new(d[a], if a == axis { 1.0 } else { 0.0 }))
 }
@@ -78,13 +76,7 @@ pub fn force_against_energy(case: &TestCase, force: &[f64]) -> Result<Check> {
 }
 
 /// Compares [`add_damping_differential`], `δf_d = (∂f_d/∂x) δx` at fixed velocities, with dual numbers, for random velocities and displacements.
-///
-/// Value: the largest error of a component as a multiple of rounding. Sees every fault of a term above 1e-14 of the
-/// dampers at its particle; is blind to a damping law that is wrong here and there alike.
-///
-/// # Errors
-/// Coincident ends of a spring.
-pub fn damping_turns(case: &TestCase) -> Result<Check> {
+pub(super) fn damping_turns(case: &TestCase) -> Result<Check> {
     let TestCase { name, system, state, .. } = case;
     let geometry = SpringGeometry::at(system, &state.positions)?;
     let random = |seed| -> Vec<Vector3<f64>> {

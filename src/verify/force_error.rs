@@ -25,7 +25,6 @@ use nalgebra::Vector3;
 /// `(2/√3)`, the largest `‖n''‖` at unit length and displacement.
 pub(super) const SECOND: f64 = 1.154_700_538_379_251_6;
 
-/// Bounds of errors of one spring.
 impl Link {
     /// Rounding of the force, in N.
     pub fn force_rounding(&self) -> f64 {
@@ -120,7 +119,6 @@ impl<'a> ForceError<'a> {
         Ok(Self { system, links, at, rounding })
     }
 
-    /// The springs that end at a particle.
     pub fn links_at(&self, particle: usize) -> impl Iterator<Item = &Link> + '_ {
         self.at[particle].iter().map(|&position| &self.links[position])
     }
@@ -151,7 +149,6 @@ impl<'a> ForceError<'a> {
         w
     }
 
-    /// The step for a coordinate x of a particle.
     pub fn step(&self, particle: usize, x: f64) -> Step {
         let curvature = self.links_at(particle).map(Link::curvature).sum();
         Step::best(x, self.rounding[particle], curvature, self.shortest(particle))

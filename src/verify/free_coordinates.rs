@@ -56,7 +56,6 @@ pub fn elastic_energy<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64
     }
 }
 
-/// `x + h w`.
 pub(super) fn moved(x: &[f64], w: &[f64], h: f64) -> Vec<f64> {
     x.iter().zip(w).map(|(x, w)| x + h * w).collect()
 }

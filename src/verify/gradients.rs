@@ -14,11 +14,9 @@
 //!
 //! **Tangents and adjoints.** A step solves `J d = b` for the tangent d, and `Jᵀ λ = c` for the adjoint λ. With residuals r and s of the computed
 //! ones `c·d − λ·b = λ·r − s·d`: backward stable solves leave `30 u ‖J‖` of `‖λ‖ ‖d‖` each, which is at most the condition number times the product.
-//!
-//! **Dual numbers.** The derivatives of a spring's force by its parameters and its ends come from the force written a second time, to rounding.
 
 use super::{
-    AFFORDABLE, Check, Claim, ErrorCurve, Link, Measured, TestCase, U, Unfinished, order_checks, random_vector, ratio,
+    AFFORDABLE, Check, Claim, ErrorCurve, Measured, TestCase, U, Unfinished, order_checks, random_vector, ratio,
     reference, worst,
 };
 use crate::error::{Error, Result};
@@ -26,6 +24,7 @@ use crate::force::SpringGeometry;
 use crate::gradient::{Cotangent, DifferentiableRun, Parameters, Point, of_free};
 use crate::integrate::Method;
 use crate::interrupt::Interrupt;
+use crate::spring::Spring;
 use crate::system::{Axes, Loads, State, System};
 use nalgebra::Vector3;
 use num_dual::{Dual64, DualNum};
@@ -61,12 +60,16 @@ fn subjects(case: &TestCase) -> impl Iterator<Item = (Method, Result<Subject<'_>
     all.into_iter().take(affordable).map(|method| (method, Subject::new(case, method)))
 }
 
+fn run<'s>(system: &'s System, state: &State, method: Method, dt: f64) -> Result<DifferentiableRun<'s>> {
+    DifferentiableRun::interruptible(system, state, method, [dt, LENGTH * dt], Some(ROOM), Interrupt::NEVER)
+}
+
 impl<'c> Subject<'c> {
     fn new(case: &'c TestCase, method: Method) -> Result<Self> {
         let TestCase { system, state, .. } = case;
         let dt = case.dt.min(case.resolving_step());
         let time = LENGTH * dt;
-        let run = DifferentiableRun::interruptible(system, state, method, [dt, time], Some(ROOM), Interrupt::NEVER)?;
+        let run = run(system, state, method, dt)?;
         let vectors = |seed| random_vectors(system, seed);
         // A velocity counts by the way that it goes in the run.
         let cotangent = |step: usize| Cotangent {
@@ -121,25 +124,17 @@ impl<'c> Subject<'c> {
         let (system, state) = builder.build()?;
         let forces = change.loads.iter().map(|load| load * h).collect();
         let system = system.with_loads(Loads { forces, ..Loads::default() })?;
-        let time = LENGTH * self.dt;
-        let moved = DifferentiableRun::interruptible(
-            &system,
-            &state,
-            self.method,
-            [self.dt, time],
-            Some(ROOM),
-            Interrupt::NEVER,
-        )?;
-        let states: Vec<[&State; 2]> = moved.states().zip(run.states()).map(|(moved, state)| [moved, state]).collect();
-        let rise = |cotangent: &Cotangent| {
-            let Some([moved, state]) = states.get(cotangent.step) else { return f64::NAN };
-            let rise = |weights: &[Vector3<f64>], after: &[Vector3<f64>], before: &[Vector3<f64>]| -> f64 {
-                weights.iter().zip(after).zip(before).map(|((c, after), before)| c.dot(&(after - before))).sum()
-            };
-            rise(&cotangent.positions, &moved.positions, &state.positions)
-                + rise(&cotangent.velocities, &moved.velocities, &state.velocities)
+        let moved = self::run(&system, &state, self.method, self.dt)?;
+        let rise = |weights: &[Vector3<f64>], after: &[Vector3<f64>], before: &[Vector3<f64>]| -> f64 {
+            weights.iter().zip(after).zip(before).map(|((c, after), before)| c.dot(&(after - before))).sum()
         };
-        Ok(self.cost.iter().map(rise).sum())
+        let rises = self.cost.iter().map(|Cotangent { step, positions, velocities }| {
+            let (Some(moved), Some(state)) = (moved.states().nth(*step), run.states().nth(*step)) else {
+                return f64::NAN;
+            };
+            rise(positions, &moved.positions, &state.positions) + rise(velocities, &moved.velocities, &state.velocities)
+        });
+        Ok(rises.sum())
     }
 
     /// What Newton's method may leave of the equations, `r = 10⁻¹³ F + u ‖A‖ ‖x‖` with the norm F of the forces and the rounding of positions,
@@ -171,11 +166,10 @@ impl<'c> Subject<'c> {
 
     /// The rounding of the states in J, once: samples of differences may all be smaller by chance.
     fn rounding(&self) -> f64 {
-        let states: Vec<&State> = self.run.states().collect();
-        let of = |cotangent: &Cotangent| {
-            let state = states.get(cotangent.step)?;
-            let pairs = [(&cotangent.positions, &state.positions), (&cotangent.velocities, &state.velocities)];
-            Some(pairs.into_iter().flat_map(|(c, x)| c.iter().zip(x)).map(|(c, x)| c.abs().dot(&x.abs())).sum::<f64>())
+        let of = |Cotangent { step, positions, velocities }: &Cotangent| {
+            let state = self.run.states().nth(*step)?;
+            let pairs = positions.iter().zip(&state.positions).chain(velocities.iter().zip(&state.velocities));
+            Some(pairs.map(|(c, x)| c.abs().dot(&x.abs())).sum::<f64>())
         };
         U * self.cost.iter().filter_map(of).sum::<f64>()
     }
@@ -210,16 +204,14 @@ impl<'c> Subject<'c> {
             points.iter_mut().zip(remainders(h)?).for_each(|(points, remainder)| points.push((h, remainder)));
         }
         let [first, second] = points;
-        let curve = |words: &str, order, points| ErrorCurve {
-            method: format!("{words}, {}", self.method.name()),
-            order,
-            points,
-        };
-        Ok(Ok([curve("without gradient", 1, first), curve("with gradient", 2, second)]))
+        let name = |words: &str| format!("{words}, {}", self.method.name());
+        Ok(Ok([
+            ErrorCurve { method: name("without gradient"), order: 1, points: first },
+            ErrorCurve { method: name("with gradient"), order: 2, points: second },
+        ]))
     }
 }
 
-/// Remainders of Taylor's theorem.
 pub(super) fn remainders(case: &TestCase) -> Measured {
     let (mut curves, mut checks) = (Vec::new(), Vec::new());
     for (method, subject) in subjects(case) {
@@ -249,7 +241,6 @@ pub(super) fn remainders(case: &TestCase) -> Measured {
     Ok(checks)
 }
 
-/// Tangents against adjoints, and the adjoint of the force against dual numbers.
 pub(super) fn adjoints(case: &TestCase) -> Measured {
     let mut checks = vec![force_adjoint(case)?];
     for (method, subject) in subjects(case) {
@@ -302,12 +293,13 @@ fn force_adjoint(case: &TestCase) -> Result<Check, Unfinished> {
     // By positions and velocities, and 1 for each.
     let zeros = || vec![(Vector3::<f64>::zeros(), 0.0); system.particles()];
     let (mut expected, mut value) = ([zeros(), zeros()], 0.0);
-    for (s, [i, j], spring) in system.active() {
-        let [d, w, u] = [&state.positions, &velocities, &adjoint].map(|vectors| vectors[i] - vectors[j]);
-        let has_rest_length = spring.rest_length > 0.0;
+    for link in reference::active_links(system, &state.positions) {
+        let (s, d, l) = (link.index, link.separation, link.length);
+        let Spring { stiffness: k, rest_length: rest, damping: b } = system.springs()[s];
+        let [w, u] = [&velocities, &adjoint].map(|vectors| link.difference(vectors));
+        let has_rest_length = rest > 0.0;
         let derivative = |seed: usize| {
-            let mut inputs =
-                [spring.stiffness, spring.rest_length, spring.damping, d.x, d.y, d.z, w.x, w.y, w.z].map(Dual64::from);
+            let mut inputs = [k, rest, b, d.x, d.y, d.z, w.x, w.y, w.z].map(Dual64::from);
             inputs[seed].eps = 1.0;
             let [k, rest, b, dx, dy, dz, wx, wy, wz] = inputs;
             let l = (dx * dx + dy * dy + dz * dz).sqrt();
@@ -315,8 +307,6 @@ fn force_adjoint(case: &TestCase) -> Result<Check, Unfinished> {
             let strain = if has_rest_length { l / rest - 1.0 } else { l };
             ((-strain * k - rate * b) * (dx * u.x + dy * u.y + dz * u.z) / l).eps
         };
-        let (k, l, rest, b) = (spring.stiffness, d.norm(), spring.rest_length, spring.damping);
-        let link = Link::new(s, [i, j], *spring, d, l);
         let of_stiffness = if has_rest_length { (l / rest).max(1.0) } else { l };
         let of_length = if has_rest_length { k * l / (rest * rest) } else { 0.0 };
         let units = [of_stiffness, of_length, w.norm()].map(|size| 30.0 * U * size * u.norm());
@@ -324,13 +314,12 @@ fn force_adjoint(case: &TestCase) -> Result<Check, Unfinished> {
         for (seed, (found, unit)) in of_spring.into_iter().zip(units).enumerate() {
             value = worst([value, ratio((found - derivative(seed)).abs(), unit)]);
         }
-        let units =
-            [24.0 * U * link.magnitude() + 80.0 * U * b * w.norm() / l, 30.0 * U * b].map(|size| size * u.norm());
+        let units = [24.0 * U * link.magnitude() + 80.0 * U * b * w.norm() / l, 30.0 * U * b];
         for (part, (sums, unit)) in expected.iter_mut().zip(units).enumerate() {
             let change = Vector3::from_fn(|axis, _| derivative(3 + 3 * part + axis));
-            for (end, sign) in [(i, 1.0), (j, -1.0)] {
+            for (end, sign) in link.ends.into_iter().zip([1.0, -1.0]) {
                 sums[end].0 += change * sign;
-                sums[end].1 += unit;
+                sums[end].1 += unit * u.norm();
             }
         }
     }

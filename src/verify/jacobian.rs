@@ -201,7 +201,6 @@ fn check_input(matrix: &CscMatrix<f64>, point: &[f64], options: &JacobianOptions
     Ok([most - least, largest].into_iter().find(|size| *size > 0.0).unwrap_or(1.0))
 }
 
-/// A derivative and an estimate of its error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Estimate {
     value: f64,
@@ -242,7 +241,6 @@ fn derivative(values: &[[Vec<f64>; 2]; LEVELS], row: usize, steps: &[f64; LEVELS
     extrapolate(&quotients, &of_step(|after, before, h| U * after.abs().max(before.abs()) / h))
 }
 
-/// An entry of the matrix and the measured one.
 struct Comparison {
     row: usize,
     column: usize,

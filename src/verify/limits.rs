@@ -114,7 +114,6 @@ pub(super) fn of_estimates(case: &TestCase) -> Option<String> {
     })
 }
 
-/// The complaint that positive numbers lie too far apart, if they do.
 fn too_far_apart<I: Iterator<Item = f64>>(what: &str, unit: &str, values: impl Fn() -> I, most: f64) -> Option<String> {
     let least = values().fold(f64::INFINITY, f64::min);
     let largest = values().fold(0.0, f64::max);
@@ -146,8 +145,7 @@ impl TestCase {
         (0..system.particles()).map(acceleration).collect()
     }
 
-    /// The reason why rounding cannot be followed through a step of dt seconds, if there is one: the fastest vibration or decay is far too fast for
-    /// it.
+    /// The reason why rounding cannot be followed through a step of dt seconds, if there is one.
     pub(super) fn beyond_rounding(&self, dt: f64) -> Option<String> {
         let factor = dt / self.resolving_step();
         // The square of that, times u, is a tenth of a percent.
@@ -156,8 +154,7 @@ impl TestCase {
         })
     }
 
-    /// The reason why runs of a duration say little of a method, if there is one: a spring turns about, so that its force is no smooth function of
-    /// time.
+    /// The reason why runs of a duration say little of a method, if there is one: the force of a spring that turns about is no smooth function of time.
     pub(super) fn passing(&self, duration: f64) -> Option<String> {
         let Self { system, state, .. } = self;
         let accelerations = self.accelerations();

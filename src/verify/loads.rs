@@ -22,7 +22,6 @@ pub(super) fn applies(case: &TestCase) -> bool {
     case.loaded.is_some()
 }
 
-/// Forces, K, G and ∂f/∂t at the start and between the kinks.
 pub(super) fn measure(case: &TestCase) -> Measured {
     let Some(system) = &case.loaded else { return Ok(Vec::new()) };
     // A little aside: a spring that is as long as at rest to rounding is slack or not by chance.

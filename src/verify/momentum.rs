@@ -86,7 +86,6 @@ pub(super) fn angular(case: &TestCase) -> Measured {
     })
 }
 
-/// The largest error of a step in units of rounding, for each variant.
 fn follow(
     case: &TestCase,
     name: &str,
@@ -127,7 +126,6 @@ fn rounding(case: &TestCase, dt: f64, before: &State, after: &State) -> f64 {
     arm * n * dt * U * (reference::step_matrix_norm(case, before, dt) * displacement + inertia + weight + pull)
 }
 
-/// A relaxed scene stays at rest, and without constraints it keeps a common velocity.
 pub(super) fn equilibrium(case: &TestCase) -> Measured {
     let resting = case.relaxed()?;
     let mut drifting = resting.freed()?;

@@ -66,7 +66,6 @@ fn velocity_error(case: &TestCase, method: Method, dt: f64, before: &State, afte
     }))
 }
 
-/// Every prescribed coordinate with its start and its motion.
 fn coordinates(case: &TestCase) -> impl Iterator<Item = (Dof, f64, &Motion)> {
     let prescribed = case.system.prescribed();
     prescribed.iter().map(move |(dof, start, motion)| (dof, start, &prescribed.motions()[motion]))

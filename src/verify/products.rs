@@ -24,9 +24,7 @@ use crate::system::Axes;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// Products and refill of A, for every option.
-///
-/// The refilled matrix held other values before: those of twice the step under another option.
+/// Products and refill of A, for every option. The refilled matrix held the values of twice the step under another option before.
 pub(super) fn assembly(case: &TestCase) -> Measured {
     let TestCase { name, system, state, dt, .. } = case;
     let geometry = SpringGeometry::at(system, &state.positions)?;
@@ -144,7 +142,6 @@ struct RigidField {
     damping: Vec<Vector3<f64>>,
 }
 
-/// K and G of rigid motions and of dilation.
 pub(super) fn rigid_motion(case: &TestCase) -> Measured {
     let mut checks = Vec::new();
     for option in Stiffness::ALL {
@@ -201,7 +198,6 @@ fn rigid_fields(case: &TestCase, option: Stiffness) -> Vec<RigidField> {
     fields
 }
 
-/// The same matrix twice: assembled, and as an operator.
 struct Products<'s> {
     case: &'s TestCase,
     operator: SystemOperator<'s>,

@@ -27,14 +27,12 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// A spring from its ends' separation and its length.
     pub fn new(index: usize, ends: [usize; 2], spring: Spring, separation: Vector3<f64>, length: f64) -> Self {
         let Spring { stiffness, rest_length, damping } = spring;
         let (axial, curved) = if rest_length > 0.0 { (stiffness / rest_length, stiffness) } else { (stiffness, 0.0) };
         Self { index, ends, separation, direction: separation / length, length, axial, curved, rest_length, damping }
     }
 
-    /// `l − l0`, in m.
     pub fn elongation(&self) -> f64 {
         self.length - self.rest_length
     }
@@ -67,7 +65,6 @@ impl Link {
         (Matrix3::identity() - along) * self.transverse(option) + along * self.axial
     }
 
-    /// `b nnᵀ`.
     pub fn damping_block(&self) -> Matrix3<f64> {
         self.direction * self.direction.transpose() * self.damping
     }

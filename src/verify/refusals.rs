@@ -21,7 +21,6 @@ use crate::work::Work;
 use faer::Par;
 use nalgebra::DVector;
 
-/// A check that passes if something was reported.
 fn reported(case: &TestCase, name: impl Into<String>, is_reported: bool, why: &str) -> Check {
     Check::new(Claim::Failure, name, &case.name, if is_reported { 0.0 } else { 1.0 }, 0.0, why)
 }
@@ -43,7 +42,6 @@ pub(super) fn applies(case: &TestCase) -> bool {
     is_small(case) && case.squeezed().ok().and_then(|twin| indefinite_step(&twin)).is_some()
 }
 
-/// An indefinite A, given to every solver.
 pub(super) fn indefinite(case: &TestCase) -> Measured {
     let twin = case.squeezed()?;
     let Some((dt, negative)) = indefinite_step(&twin) else { return Ok(Vec::new()) };
@@ -97,7 +95,6 @@ pub(super) fn indefinite(case: &TestCase) -> Measured {
     Ok(checks)
 }
 
-/// A limit of iterations, a tolerance below rounding, a residual and a NaN, reported by conjugate gradients.
 pub(super) fn conjugate_gradients(case: &TestCase) -> Measured {
     let system = &case.system;
     let n = system.dofs().len();
@@ -135,7 +132,6 @@ pub(super) fn conjugate_gradients(case: &TestCase) -> Measured {
     Ok(checks)
 }
 
-/// `‖b − A x‖/‖b‖`.
 fn true_residual(a: &impl LinearOperator, b: &[f64], x: &[f64]) -> f64 {
     let mut product = vec![0.0; b.len()];
     a.apply(x, &mut product);
@@ -143,7 +139,6 @@ fn true_residual(a: &impl LinearOperator, b: &[f64], x: &[f64]) -> f64 {
     norm(&residual) / norm(b)
 }
 
-/// NaN in a state, and coincident ends: the step fails with the right reason, and the state is unchanged.
 pub(super) fn broken_states(case: &TestCase) -> Measured {
     let TestCase { system, state, .. } = case;
     let mut checks = Vec::new();

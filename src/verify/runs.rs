@@ -1,6 +1,4 @@
 //! Runs of a scene by each of the methods, and runs that must be the same to the bit: twice, with one thread and with two, in a plane and in space.
-//!
-//! A planar scene has the same degrees of freedom as its twin in space with the third axis held, hence the same operations and the same rounding.
 
 use super::{Check, Claim, LARGE, Measured, TestCase, Unfinished, worst};
 use crate::error::Error;
@@ -18,7 +16,6 @@ pub(super) struct MethodVariant {
 }
 
 impl MethodVariant {
-    /// Linear backward Euler under an option.
     pub fn linear(option: Stiffness) -> Self {
         Self { method: Method::LinearBackwardEuler, stiffness: StiffnessPolicy::Always(option) }
     }
@@ -117,7 +114,6 @@ pub(super) fn each_run<C: IntoIterator<Item = Check>>(
     Ok(checks)
 }
 
-/// The largest error of all steps from one state to the next.
 pub(super) fn worst_step(states: &[State], error: impl Fn(&State, &State) -> f64) -> f64 {
     worst(states.windows(2).map(|pair| error(&pair[0], &pair[1])))
 }
@@ -135,7 +131,6 @@ pub(super) fn differences(a: &Option<Vec<State>>, b: &Option<Vec<State>>) -> f64
     if a.len() == b.len() { differing as f64 } else { f64::INFINITY }
 }
 
-/// A planar or one-dimensional scene against its twin in space.
 pub(super) fn in_space(case: &TestCase) -> Measured {
     let twin = case.in_space()?;
     let why = "the degrees of freedom are the same, so every operation is: not one bit may differ";
@@ -147,7 +142,6 @@ pub(super) fn in_space(case: &TestCase) -> Measured {
     MethodVariant::of(case).map(check).collect()
 }
 
-/// The same run twice, and by two threads.
 pub(super) fn repeated(case: &TestCase) -> Measured {
     let why = "nothing but the scene and the options decides a result: not one bit may differ";
     let check = |name, value| Check::new(Claim::Solvers, name, &case.name, value, 0.0, why);

@@ -24,11 +24,7 @@ use nalgebra_sparse::factorization::CscCholesky;
 /// Rows up to which dense matrices are used.
 const DENSE: usize = 400;
 
-/// All solvers on the system of one step.
-///
-/// Under `Full` if that is definite, else under `Tension`. Backward errors of both factorizations, the residuals of
-/// conjugate gradients matrix-free and assembled, their agreement within what the condition allows, and on small scenes
-/// that with nalgebra-sparse's Cholesky and a dense one, and the condition estimate itself.
+/// All solvers on the system of one step, under `Full` if that is definite, else under `Tension`.
 pub(super) fn measure(case: &TestCase) -> Measured {
     let TestCase { name, system, state, dt, .. } = case;
     let geometry = SpringGeometry::at(system, &state.positions)?;

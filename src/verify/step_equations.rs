@@ -40,7 +40,6 @@ const TOLERANCE: f64 = 1e-10;
 /// The part of the exact residual that one iteration of bdf2 may leave where steps resolve all vibrations.
 const CONTRACTION: f64 = 0.5;
 
-/// Linear backward Euler by every option and solver.
 pub(super) fn linear(case: &TestCase) -> Measured {
     let solvers = [
         (SolverChoice::Llt, "Cholesky"),
@@ -72,7 +71,6 @@ pub(super) fn linear(case: &TestCase) -> Measured {
     Ok(checks)
 }
 
-/// All other methods, and that positions follow velocities.
 pub(super) fn others(case: &TestCase) -> Measured {
     let variants = MethodVariant::of(case).filter(|variant| variant.method != Method::Bdf2);
     let mut checks = each_run(case, variants, STEPS, |variant, dt, states| {

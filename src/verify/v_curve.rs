@@ -7,8 +7,6 @@
 //! whatever the scale of the scene. The error of a component is taken relative to `S = Σ ‖K^s‖ ‖δ‖` over the springs of
 //! its particle: weak parts of a scene count like stiff ones. K is applied to the displacement that is left after
 //! rounding x ± h w, so that a scene far from the origin loses nothing but the exactness of the middle.
-//!
-//! Options II and III drop transverse terms of K: with these added back the V-curve has its floor again, without them a plateau of their size.
 
 use super::free_coordinates::{elastic_force, moved};
 use super::jacobian::{JacobianOptions, check_jacobian};
@@ -23,7 +21,6 @@ use crate::operator::LinearOperator;
 use crate::spring::{Extension, Spring, Stiffness};
 use nalgebra::{Matrix3, Vector3};
 
-/// K under the full stiffness along random directions, entry by entry, and spring by spring.
 pub(super) fn jacobian(case: &TestCase) -> Measured {
     let TestCase { name, system, state, dt, .. } = case;
     let k = StepMatrices::assemble(system, state, Stiffness::Full, *dt)?.k;
@@ -64,7 +61,6 @@ struct VCurve {
     offset: f64,
 }
 
-/// Steps of 2⁻³ to 2⁻⁴².
 fn all_steps() -> Vec<f64> {
     (3..=42).map(|exponent| (-f64::from(exponent)).exp2()).collect()
 }
@@ -301,7 +297,6 @@ fn dropped_block(option: Stiffness, link: &Link) -> Matrix3<f64> {
     across * dual::stiffness_block(link) * across * part
 }
 
-/// The terms that `tension` and `axial` drop from K, and that `absolute` takes twice.
 pub(super) fn all_dropped_terms(case: &TestCase) -> Measured {
     let mut checks = Vec::new();
     for option in [Stiffness::Tension, Stiffness::Axial, Stiffness::Absolute] {
