@@ -286,8 +286,8 @@ impl Check {
     }
 }
 
-/// The checks of a family, or the failure that prevented them.
-pub(super) type Measured = Result<Vec<Check>, Unfinished>;
+/// The checks of a family, or something else, or the failure that prevented them.
+pub(super) type Measured<T = Vec<Check>> = Result<T, Unfinished>;
 
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Unfinished {

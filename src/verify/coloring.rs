@@ -99,37 +99,30 @@ fn color(lists: &[Vec<u32>], members: &[Vec<u32>]) -> Vec<Vec<usize>> {
     groups
 }
 
-/// The steps of the coordinates of a group, and the changes of a force over them, all moved at once.
-pub(super) fn differences(
-    force: &mut impl FnMut(&[f64], &mut [f64]),
-    x: &mut [f64],
-    group: &[usize],
-    step: impl Fn(usize, f64) -> Step,
-) -> (Vec<Step>, Vec<f64>) {
-    let steps: Vec<Step> = group.iter().map(|&column| step(column, x[column])).collect();
-    let after = evaluate_moved(force, x, group, |place, _| steps[place].forward);
-    let before = evaluate_moved(force, x, group, |place, _| steps[place].backward);
-    let differences = after.iter().zip(&before).map(|(after, before)| after - before).collect();
-    (steps, differences)
+/// A force at a point, some of whose coordinates are moved.
+pub(super) struct ForceAt<F> {
+    pub force: F,
+    pub x: Vec<f64>,
 }
 
-/// Evaluates a force with the coordinates of a group moved to `to(place in the group, coordinate)`, and moves them back.
-pub(super) fn evaluate_moved(
-    force: &mut impl FnMut(&[f64], &mut [f64]),
-    x: &mut [f64],
-    group: &[usize],
-    to: impl Fn(usize, f64) -> f64,
-) -> Vec<f64> {
-    let saved: Vec<f64> = group.iter().map(|&column| x[column]).collect();
-    for (place, &column) in group.iter().enumerate() {
-        x[column] = to(place, saved[place]);
+impl<F: FnMut(&[f64], &mut [f64])> ForceAt<F> {
+    /// The force with the coordinates of a group moved to `to(place in the group, coordinate)`.
+    pub fn moved(&mut self, group: &[usize], to: impl Fn(usize, f64) -> f64) -> Vec<f64> {
+        let mut x = self.x.clone();
+        group.iter().enumerate().for_each(|(place, &column)| x[column] = to(place, x[column]));
+        let mut f = vec![0.0; x.len()];
+        (self.force)(&x, &mut f);
+        f
     }
-    let mut f = vec![0.0; x.len()];
-    force(x, &mut f);
-    for (&column, saved) in group.iter().zip(saved) {
-        x[column] = saved;
+
+    /// The steps of the coordinates of a group, and the changes of the force over them, all moved at once.
+    pub fn differences(&mut self, group: &[usize], step: impl Fn(usize, f64) -> Step) -> (Vec<Step>, Vec<f64>) {
+        let steps: Vec<Step> = group.iter().map(|&column| step(column, self.x[column])).collect();
+        let after = self.moved(group, |place, _| steps[place].forward);
+        let before = self.moved(group, |place, _| steps[place].backward);
+        let differences = after.iter().zip(&before).map(|(after, before)| after - before).collect();
+        (steps, differences)
     }
-    f
 }
 
 #[cfg(all(test, feature = "scene"))]

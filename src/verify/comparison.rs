@@ -106,6 +106,8 @@ fn verdict(analytic: f64, numeric: f64, tolerance: f64) -> String {
 #[derive(Debug, Clone)]
 pub(super) struct WorstEntries {
     ranked: Vec<(f64, Entry)>,
+    /// The spring that the entries compared from now on belong to, where there is one.
+    pub spring: Option<usize>,
     /// The largest error as a multiple of the allowed one: NaN if any is, and as long as nothing was compared.
     pub worst: f64,
     pub compared: usize,
@@ -114,27 +116,24 @@ pub(super) struct WorstEntries {
 
 impl WorstEntries {
     pub fn new() -> Self {
-        Self { ranked: Vec::new(), worst: f64::NAN, compared: 0, wrong: 0 }
+        Self { ranked: Vec::new(), spring: None, worst: f64::NAN, compared: 0, wrong: 0 }
     }
 
     /// Compares two values. An allowed error that is NaN or infinite says nothing of the entry: it fails.
     pub fn compare(&mut self, row: usize, column: Option<usize>, analytic: f64, numeric: f64, allowed: f64) {
-        self.compare_spring(None, (row, column), analytic, numeric, allowed);
-    }
-
-    /// Compares the blocks of one spring over the first `dimension` axes.
-    pub fn compare_blocks(
-        &mut self,
-        spring: usize,
-        dimension: usize,
-        analytic: &Matrix3<f64>,
-        numeric: &Matrix3<f64>,
-        allowed: f64,
-    ) {
-        for c in 0..dimension {
-            for r in 0..dimension {
-                self.compare_spring(Some(spring), (r, Some(c)), analytic[(r, c)], numeric[(r, c)], allowed);
-            }
+        let error = (analytic - numeric).abs();
+        let ratio = if allowed.is_finite() { ratio(error, allowed) } else { f64::NAN };
+        self.worst = if self.compared == 0 { ratio } else { worst([self.worst, ratio]) };
+        self.compared += 1;
+        self.wrong += if ratio <= 1.0 { 0 } else { 1 };
+        let rank = |ratio: f64| if ratio.is_nan() { f64::INFINITY } else { ratio };
+        let place = self.ranked.partition_point(|(other, _)| rank(*other) >= rank(ratio));
+        if place < 10 {
+            let entry = Entry { spring: self.spring, ..Entry::new(row, column, analytic, numeric, allowed) };
+            let unsure = !allowed.is_finite() && analytic.is_finite() && numeric.is_finite();
+            let entry = if unsure { entry.with_verdict(CANNOT_BE_MEASURED) } else { entry };
+            self.ranked.insert(place, (ratio, entry));
+            self.ranked.truncate(10);
         }
     }
 
@@ -146,10 +145,10 @@ impl WorstEntries {
         coupled: &[u32],
         mut expected: impl FnMut(usize) -> (f64, f64),
     ) {
-        for_each_entry(matrix, column, coupled, |row, value, coupled| {
-            let (numeric, allowed) = if coupled { expected(row) } else { (0.0, 0.0) };
+        for (row, value, is_coupled) in column_entries(matrix, column, coupled) {
+            let (numeric, allowed) = if is_coupled { expected(row) } else { (0.0, 0.0) };
             self.compare(row, Some(column), value, numeric, allowed);
-        });
+        }
     }
 
     /// Compares all columns of a matrix with difference quotients: `differences` gives the steps of a group of columns and the changes of every row
@@ -168,30 +167,6 @@ impl WorstEntries {
                     (differences[row] / step.width(), allowed(row, column, step))
                 });
             }
-        }
-    }
-
-    fn compare_spring(
-        &mut self,
-        spring: Option<usize>,
-        (row, column): (usize, Option<usize>),
-        analytic: f64,
-        numeric: f64,
-        allowed: f64,
-    ) {
-        let error = (analytic - numeric).abs();
-        let ratio = if allowed.is_finite() { ratio(error, allowed) } else { f64::NAN };
-        self.worst = if self.compared == 0 { ratio } else { worst([self.worst, ratio]) };
-        self.compared += 1;
-        self.wrong += if ratio <= 1.0 { 0 } else { 1 };
-        let rank = |ratio: f64| if ratio.is_nan() { f64::INFINITY } else { ratio };
-        let place = self.ranked.partition_point(|(other, _)| rank(*other) >= rank(ratio));
-        if place < 10 {
-            let entry = Entry { spring, ..Entry::new(row, column, analytic, numeric, allowed) };
-            let unsure = !allowed.is_finite() && analytic.is_finite() && numeric.is_finite();
-            let entry = if unsure { entry.with_verdict(CANNOT_BE_MEASURED) } else { entry };
-            self.ranked.insert(place, (ratio, entry));
-            self.ranked.truncate(10);
         }
     }
 
@@ -295,26 +270,20 @@ pub(super) fn entry_of(matrix: &CscMatrix<f64>, row: usize, column: usize) -> f6
     matrix.get_entry(row, column).map_or(0.0, |entry| entry.into_value())
 }
 
-/// Visits the rows that springs couple to a column, stored or not, and those that only the matrix has: (row, stored value or zero, coupled).
-pub(super) fn for_each_entry(
-    matrix: &CscMatrix<f64>,
-    column: usize,
-    coupled: &[u32],
-    mut visit: impl FnMut(usize, f64, bool),
-) {
+/// The entries in the rows that springs couple to a column, stored or not, and those that only the matrix has: (row, stored value or zero, coupled).
+pub(super) fn column_entries(matrix: &CscMatrix<f64>, column: usize, coupled: &[u32]) -> Vec<(usize, f64, bool)> {
     let stored = matrix.col(column);
     let mut stored = stored.row_indices().iter().copied().zip(stored.values().iter().copied()).peekable();
-    for &row in coupled {
-        let row = row as usize;
+    let mut entries = Vec::with_capacity(coupled.len());
+    for row in coupled.iter().map(|&row| row as usize) {
         while let Some((extra, value)) = stored.next_if(|&(other, _)| other < row) {
-            visit(extra, value, false);
+            entries.push((extra, value, false));
         }
         let value = stored.next_if(|&(other, _)| other == row).map_or(0.0, |(_, value)| value);
-        visit(row, value, true);
+        entries.push((row, value, true));
     }
-    for (extra, value) in stored {
-        visit(extra, value, false);
-    }
+    entries.extend(stored.map(|(extra, value)| (extra, value, false)));
+    entries
 }
 
 pub(super) fn check_square(name: &str, matrix: &CscMatrix<f64>, n: usize) -> Result<(), Invalid> {

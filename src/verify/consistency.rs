@@ -3,7 +3,7 @@
 //! From x to x + w the elastic energy grows by `−∫₀¹ f_el(x + s w)·w ds`, the gravitational one by `−Σ m gravity·w`. Gauss's quadrature with eight
 //! nodes is exact to rounding as long as no spring changes by more than a twentieth: its integrand is analytic far around the interval.
 
-use super::coloring::differences;
+use super::coloring::ForceAt;
 use super::comparison::check_square;
 use super::dual::{damping_turns, force_against_energy};
 use super::force_error::Step;
@@ -50,11 +50,11 @@ pub fn damping_entries(case: &TestCase, damping: &CscMatrix<f64>) -> Result<Chec
     let units = sizes(&links, system.particles(), |link| U * link.damping).into_iter().zip(springs);
     let allowed: Vec<f64> = units.map(|(unit, springs)| unit * (80.0 + 2.0 * springs)).collect();
     let dofs: Vec<Dof> = system.dofs().iter().collect();
-    let (mut force, mut v) = (damping_force(system, state), reduce(system, &state.velocities));
+    let mut force = ForceAt { force: damping_force(system, state), x: reduce(system, &state.velocities) };
     let fastest = worst(state.velocities.iter().map(|v| v.amax()).chain([0.0]));
     let h = if fastest > 0.0 { fastest } else { 1.0 };
     let groups = ColumnGroups::of_system(system);
-    let differences = |group: &[usize]| differences(&mut force, &mut v, group, |_, v| Step::around(v, h));
+    let differences = |group: &[usize]| force.differences(group, |_, v| Step::around(v, h));
     let mut entries = WorstEntries::new();
     entries.compare_differences(damping, &groups, differences, |row, _, _| allowed[dofs[row].particle]);
     let why = "1 is rounding: 80 u b for every damper of a particle and u of each sum, as f_d is linear in v and h is as large \

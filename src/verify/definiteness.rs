@@ -2,7 +2,7 @@
 
 use super::reference::{self, dense_step_matrix};
 use super::runs::differences;
-use super::{AFFORDABLE, Check, Claim, Measured, MethodVariant, TestCase, U, Unfinished, direct};
+use super::{AFFORDABLE, Check, Claim, Measured, MethodVariant, TestCase, U, direct};
 use crate::assembly::SymmetricMatrix;
 use crate::integrate::StepMatrices;
 use crate::linear::{Cholesky, Ldlt};
@@ -37,7 +37,7 @@ fn if_tried(tried: usize, check: Check) -> Check {
 /// Without compressed springs `tension` is `full`; without stretched ones it is `axial`: the same K, to the bit.
 pub(super) fn options(case: &TestCase) -> Measured {
     let why = "an option only decides which terms are added, not how: not one bit may differ";
-    let compare = |twin: TestCase, option: Stiffness, name: &str| -> Result<Check, Unfinished> {
+    let compare = |twin: TestCase, option: Stiffness, name: &str| -> Measured<Check> {
         let k = |option| StepMatrices::assemble(&twin.system, &twin.state, option, twin.dt).map(|matrices| matrices.k);
         let (tension, other) = (k(Stiffness::Tension)?, k(option)?);
         let pairs = tension.values().iter().zip(other.values());
@@ -148,14 +148,14 @@ struct Factored {
 }
 
 impl Factored {
-    fn new(case: &TestCase) -> Result<Self, Unfinished> {
+    fn new(case: &TestCase) -> Measured<Self> {
         let a = StepMatrices::assemble(&case.system, &case.state, Stiffness::Tension, case.dt)?.a;
         let pattern = a.pattern();
         Ok(Self { cholesky: Cholesky::analyse(pattern, Par::Seq)?, ldlt: Ldlt::analyse(pattern, Par::Seq)? })
     }
 
     /// Whether Cholesky refuses the A of a step with its diagonal lowered by `shift`.
-    fn refuses(&mut self, case: &TestCase, option: Stiffness, dt: f64, shift: f64) -> Result<bool, Unfinished> {
+    fn refuses(&mut self, case: &TestCase, option: Stiffness, dt: f64, shift: f64) -> Measured<bool> {
         let mut a = StepMatrices::assemble(&case.system, &case.state, option, dt)?.a;
         (0..case.system.particles()).for_each(|p| a.add_to_diagonal(p, -shift));
         Ok(self.cholesky.factor(&a).is_err())

@@ -6,7 +6,7 @@
 //! medium to the short steps is left out: there the motion decides them. Runs that are wrong by 30 % must warn.
 
 use super::convergence::{coarsest, distance, is_soft};
-use super::{Check, Claim, Measured, MethodVariant, TestCase, Unfinished, direct, reference};
+use super::{Check, Claim, Measured, MethodVariant, TestCase, direct, reference};
 use crate::accuracy::extent;
 use crate::integrate::{
     ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, Status, run_monitored,
@@ -109,12 +109,7 @@ fn unless_by_chance(check: Check) -> Check {
 }
 
 /// The end and the error indicators of a run with a method; `None` where the run reported a failure.
-fn monitored(
-    case: &TestCase,
-    method: Method,
-    dt: f64,
-    steps: u64,
-) -> Result<Option<(State, ErrorIndicators)>, Unfinished> {
+fn monitored(case: &TestCase, method: Method, dt: f64, steps: u64) -> Measured<Option<(State, ErrorIndicators)>> {
     let TestCase { system, state, .. } = case;
     let mut state = state.clone();
     let mut monitor = Monitor::new(system, &state, MonitorOptions::default())?;

@@ -16,8 +16,7 @@
 //! ones `c·d − λ·b = λ·r − s·d`: backward stable solves leave `30 u ‖J‖` of `‖λ‖ ‖d‖` each, which is at most the condition number times the product.
 
 use super::{
-    AFFORDABLE, Check, Claim, ErrorCurve, Measured, TestCase, U, Unfinished, order_checks, random_vector, ratio,
-    reference, worst,
+    AFFORDABLE, Check, Claim, ErrorCurve, Measured, TestCase, U, order_checks, random_vector, ratio, reference, worst,
 };
 use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
@@ -283,7 +282,7 @@ impl Subject<'_> {
 }
 
 /// `λ·∂F` by every parameter of a spring, by positions and by velocities, for random λ and velocities.
-fn force_adjoint(case: &TestCase) -> Result<Check, Unfinished> {
+fn force_adjoint(case: &TestCase) -> Measured<Check> {
     let TestCase { system, state, .. } = case;
     let geometry = SpringGeometry::at(system, state)?;
     let (adjoint, velocities) = (random_vectors(system, 31), random_vectors(system, 32));
@@ -333,7 +332,7 @@ fn force_adjoint(case: &TestCase) -> Result<Check, Unfinished> {
 }
 
 /// What was found, or the reason for a method or a step that reports that it cannot do it.
-fn allowed<T>(found: Result<T>) -> Result<Result<T, String>, Unfinished> {
+fn allowed<T>(found: Result<T>) -> Measured<Result<T, String>> {
     match found {
         Ok(found) => Ok(Ok(found)),
         Err(reported @ (Error::Unsupported(_) | Error::Breakdown { .. })) => Ok(Err(reported.to_string())),

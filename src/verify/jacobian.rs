@@ -5,9 +5,9 @@
 //! order h⁴ (Richardson 1911). As h shrinks R settles, until rounding shakes it; the derivative is where three neighbours agree
 //! best, and their spread is the estimate of its error (after Ridders 1982).
 
-use super::coloring::evaluate_moved;
+use super::coloring::ForceAt;
 use super::comparison::{
-    CANNOT_BE_MEASURED, check_square, entry_of, explain_by_spring, for_each_entry, particle_block,
+    CANNOT_BE_MEASURED, check_square, column_entries, entry_of, explain_by_spring, particle_block,
 };
 use super::{Check, Claim, ColumnGroups, Entry, ForceError, U, WorstEntries, worst};
 use crate::error::{Invalid, Result};
@@ -17,6 +17,10 @@ use std::fmt;
 
 /// Number of steps, each a quarter of the one before.
 const LEVELS: usize = 14;
+type Steps = [f64; LEVELS];
+
+/// The force at x + h and at x − h for every step.
+type Sides = [[Vec<f64>; 2]; LEVELS];
 
 /// The measurement of [`check_jacobian`], and its assumptions.
 #[derive(Debug, Clone)]
@@ -71,6 +75,22 @@ impl JacobianReport {
         let wrong = self.worst.get(..self.wrong).filter(|wrong| !wrong.is_empty())?;
         let all = wrong.iter().all(|entry| entry.verdict == CANNOT_BE_MEASURED);
         all.then(|| format!("the derivatives of {} entries are lost in the rounding of forces", self.wrong))
+    }
+
+    /// Refines the verdict on a wrong entry: transposed, or the wrong term of its spring.
+    fn explain(&self, entry: Entry, springs: Option<&ForceError>, tolerance: f64) -> Entry {
+        let Some(column) = entry.column.filter(|_| entry.verdict != CANNOT_BE_MEASURED) else { return entry };
+        let mirrored = entry_of(&self.numeric, column, entry.row);
+        let is_mirrored = (entry.analytic - mirrored).abs() <= 10.0 * tolerance * mirrored.abs();
+        if entry.row != column && entry.analytic != 0.0 && is_mirrored {
+            return entry.with_verdict("transposed");
+        }
+        let Some(error) = springs else { return entry };
+        explain_by_spring(entry, error, &self.analytic, |i, j| {
+            let block = |matrix| particle_block(error.system, matrix, i, j);
+            let (analytic, numeric) = (block(&self.analytic), block(&self.numeric));
+            (numeric, 10.0 * tolerance * worst([analytic.amax(), numeric.amax()]))
+        })
     }
 
     /// As a check of the suite.
@@ -129,7 +149,7 @@ impl fmt::Display for JacobianReport {
 /// [`Invalid`] for an empty point, coordinates that are not finite, a matrix or groups or springs of another size, a
 /// length or tolerance that is not positive. A value that is not finite is reported as a wrong entry.
 pub fn check_jacobian(
-    mut force: impl FnMut(&[f64], &mut [f64]),
+    force: impl FnMut(&[f64], &mut [f64]),
     matrix: impl Into<CscMatrix<f64>>,
     point: &[f64],
     options: &JacobianOptions,
@@ -145,14 +165,14 @@ pub fn check_jacobian(
         let length = options.length.or(own.filter(|length| length.is_finite())).unwrap_or(spread);
         steps(length).map(|h| representable(h, point[column]))
     };
-    let mut x = point.to_vec();
-    let mut comparisons: Vec<Comparison> = Vec::new();
+    let mut force = ForceAt { force, x: point.to_vec() };
+    let mut comparisons = Vec::new();
     for group in groups.groups() {
-        let steps: Vec<[f64; LEVELS]> = group.iter().map(|&column| steps_of(column)).collect();
-        let values = std::array::from_fn(|level| {
-            [1.0, -1.0].map(|side| evaluate_moved(&mut force, &mut x, group, |place, x| x + side * steps[place][level]))
+        let columns: Vec<(usize, Steps)> = group.iter().map(|&column| (column, steps_of(column))).collect();
+        let sides = std::array::from_fn(|level| {
+            [1.0, -1.0].map(|side| force.moved(group, |place, x| x + side * columns[place].1[level]))
         });
-        compare_group(&values, group, &steps, &groups, &analytic, &mut comparisons);
+        comparisons.extend(compare(&sides, &columns, &groups, &analytic));
     }
     let largest = comparisons.iter().map(|c| c.estimate.value.abs()).fold(0.0, f64::max);
     let mut numeric = CooMatrix::new(n, n);
@@ -167,8 +187,9 @@ pub fn check_jacobian(
     let numeric = CscMatrix::from(&numeric);
     let (value, compared, wrong) = (entries.worst, entries.compared, entries.wrong);
     let overall = if wrong > 0 { overall(&analytic, &numeric) } else { None };
-    let worst = entries.into_table(|entry| explain(entry, &analytic, &numeric, springs.as_ref(), options.tolerance));
-    Ok(JacobianReport { analytic, numeric, compared, wrong, value, overall, worst })
+    let mut report = JacobianReport { analytic, numeric, compared, wrong, value, overall, worst: Vec::new() };
+    report.worst = entries.into_table(|entry| report.explain(entry, springs.as_ref(), options.tolerance));
+    Ok(report)
 }
 
 /// Checks sizes and values; returns the spread of the coordinates.
@@ -208,7 +229,7 @@ struct Estimate {
 }
 
 /// Steps from an eighth of `length` down by quarters.
-fn steps(length: f64) -> [f64; LEVELS] {
+fn steps(length: f64) -> Steps {
     std::array::from_fn(|level| length / 8.0 * 0.25_f64.powi(level as i32))
 }
 
@@ -219,7 +240,7 @@ fn representable(h: f64, x: f64) -> f64 {
 }
 
 /// The derivative from central differences at [`steps`] and their rounding, without those at which the function is not finite; NaN if none is left.
-fn extrapolate(differences: &[f64; LEVELS], rounding: &[f64; LEVELS]) -> Estimate {
+fn extrapolate(differences: &Steps, rounding: &Steps) -> Estimate {
     let refined: [f64; LEVELS - 1] = std::array::from_fn(|level| {
         let (coarse, fine) = (differences[level], differences[level + 1]);
         fine + (fine - coarse) / 15.0
@@ -232,10 +253,10 @@ fn extrapolate(differences: &[f64; LEVELS], rounding: &[f64; LEVELS]) -> Estimat
     best.unwrap_or(Estimate { value: f64::NAN, error: f64::NAN })
 }
 
-/// The derivative of a component of the force, whose values at x + h and x − h are given for every step.
-fn derivative(values: &[[Vec<f64>; 2]; LEVELS], row: usize, steps: &[f64; LEVELS]) -> Estimate {
-    let of_step = |of: fn(f64, f64, f64) -> f64| -> [f64; LEVELS] {
-        std::array::from_fn(|level| of(values[level][0][row], values[level][1][row], steps[level]))
+/// The derivative of a component of the force.
+fn derivative(sides: &Sides, row: usize, steps: &Steps) -> Estimate {
+    let of_step = |of: fn(f64, f64, f64) -> f64| -> Steps {
+        std::array::from_fn(|level| of(sides[level][0][row], sides[level][1][row], steps[level]))
     };
     let quotients = of_step(|after, before, h| (after - before) / (2.0 * h));
     extrapolate(&quotients, &of_step(|after, before, h| U * after.abs().max(before.abs()) / h))
@@ -265,37 +286,36 @@ impl Comparison {
     }
 }
 
-/// Lists the comparisons of a group: expected entries, those that only the matrix has, and changes in rows that no column accounts for.
-fn compare_group(
-    values: &[[Vec<f64>; 2]; LEVELS],
-    group: &[usize],
-    steps: &[[f64; LEVELS]],
+/// The comparisons of a group: expected entries, those that only the matrix has, and changes in rows that no column accounts for.
+fn compare(
+    sides: &Sides,
+    columns: &[(usize, Steps)],
     groups: &ColumnGroups,
-    analytic: &CscMatrix<f64>,
-    comparisons: &mut Vec<Comparison>,
-) {
+    matrix: &CscMatrix<f64>,
+) -> Vec<Comparison> {
     // f64::max passes over NaN: one component that is not finite must not excuse, or accuse, the others.
     let largest = |column: &[Estimate]| column.iter().map(|estimate| estimate.value.abs()).fold(0.0, f64::max);
-    let mut unclaimed = vec![true; analytic.nrows()];
-    for (&column, steps) in group.iter().zip(steps) {
-        let rows = groups.rows(column);
-        let estimates: Vec<_> = rows.iter().map(|&row| derivative(values, row as usize, steps)).collect();
+    let mut comparisons = Vec::new();
+    let mut unclaimed = vec![true; matrix.nrows()];
+    for (column, steps) in columns {
+        let (column, rows) = (*column, groups.rows(*column));
+        let estimates: Vec<_> = rows.iter().map(|&row| derivative(sides, row as usize, steps)).collect();
         let largest = largest(&estimates);
         let mut estimates = estimates.into_iter();
-        for_each_entry(analytic, column, rows, |row, value, expected| {
-            let measured = if expected { estimates.next() } else { None };
-            unclaimed[row] &= !expected;
+        for (row, value, is_expected) in column_entries(matrix, column, rows) {
+            let measured = if is_expected { estimates.next() } else { None };
+            unclaimed[row] &= !is_expected;
             let estimate = measured.unwrap_or(Estimate { value: 0.0, error: 0.0 });
             comparisons.push(Comparison { row, column, value, estimate, largest });
-        });
+        }
     }
     // The matrix lacks an entry in one of the columns, the first for want of knowing better.
-    let (Some(&column), Some(steps)) = (group.first(), steps.first()) else { return };
-    let estimates: Vec<_> = (0..analytic.nrows()).map(|row| derivative(values, row, steps)).collect();
+    let Some(&(column, steps)) = columns.first() else { return comparisons };
+    let estimates: Vec<_> = (0..matrix.nrows()).map(|row| derivative(sides, row, &steps)).collect();
     let largest = largest(&estimates);
-    for (row, &estimate) in estimates.iter().enumerate().filter(|(row, _)| unclaimed[*row]) {
-        comparisons.push(Comparison { row, column, value: 0.0, estimate, largest });
-    }
+    let unclaimed = estimates.into_iter().enumerate().filter(|(row, _)| unclaimed[*row]);
+    comparisons.extend(unclaimed.map(|(row, estimate)| Comparison { row, column, value: 0.0, estimate, largest }));
+    comparisons
 }
 
 /// The one fault that explains the whole matrix, if there is one.
@@ -320,27 +340,6 @@ fn overall(analytic: &CscMatrix<f64>, numeric: &CscMatrix<f64>) -> Option<String
     } else {
         Some(format!("off by the factor {factor:.2}"))
     }
-}
-
-/// Refines the verdict on a wrong entry: transposed, or the wrong term of its spring.
-fn explain(
-    entry: Entry,
-    analytic: &CscMatrix<f64>,
-    numeric: &CscMatrix<f64>,
-    springs: Option<&ForceError>,
-    tolerance: f64,
-) -> Entry {
-    let Some(column) = entry.column.filter(|_| entry.verdict != CANNOT_BE_MEASURED) else { return entry };
-    let mirrored = entry_of(numeric, column, entry.row);
-    let is_mirrored = (entry.analytic - mirrored).abs() <= 10.0 * tolerance * mirrored.abs();
-    if entry.row != column && entry.analytic != 0.0 && is_mirrored {
-        return entry.with_verdict("transposed");
-    }
-    let Some(error) = springs else { return entry };
-    explain_by_spring(entry, error, analytic, |i, j| {
-        let [analytic, numeric] = [analytic, numeric].map(|matrix| particle_block(error.system, matrix, i, j));
-        (numeric, 10.0 * tolerance * worst([analytic.amax(), numeric.amax()]))
-    })
 }
 
 #[cfg(test)]

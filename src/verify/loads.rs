@@ -162,18 +162,11 @@ where
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::system::{Actuation, Behaviour, Loads, SystemBuilder};
+    use crate::system::{Actuation, Behaviour, Loads};
+    use crate::verify::fixtures::chain;
 
-    /// A plane chain of three springs: the second is slack at first and actuated, the third tension-only and stretched.
+    /// Three springs in a row: the second is slack at first and actuated, the third tension-only and stretched.
     fn case(change: impl Fn(&mut Behaviour, &mut Loads)) -> TestCase {
-        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
-        for (x, y) in [(0.0, 0.0), (1.0, 0.25), (2.0, 0.0), (3.5, 0.5)] {
-            builder.particle([x, y, 0.0], 1.0 + x);
-        }
-        for i in 0..3 {
-            builder.spring(i, i + 1, Spring { stiffness: 10.0, rest_length: 1.1, damping: 0.5 });
-        }
-        builder.hold(0);
         let times = || vec![0.5, 1.0, 2.0];
         let factors = Curve { times: times(), values: vec![1.0, 0.8, 1.25] };
         let actuation = vec![Actuation { springs: vec![0, 1], factors }];
@@ -182,7 +175,7 @@ mod tests {
         let mut loads =
             Loads { forces: vec![Vector3::new(0.5, -2.0, 0.0); 4], drag: vec![0.0, 0.3, 0.0, 2.0], gravity };
         change(&mut behaviour, &mut loads);
-        let (system, state) = builder.build().unwrap();
+        let TestCase { system, state, .. } = chain(4, 0.01);
         let system = system.with_behaviour(behaviour).unwrap().with_loads(loads).unwrap();
         TestCase::new("chain", system, state, Some(0.01)).unwrap()
     }

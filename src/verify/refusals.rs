@@ -7,7 +7,7 @@
 
 use super::definiteness::is_small;
 use super::reference::{self, dense_step_matrix, field};
-use super::{Check, Claim, Measured, TestCase, U, Unfinished, ratio, reduce};
+use super::{Check, Claim, Measured, TestCase, U, ratio, reduce};
 use crate::force::{DegenerateSpring, SpringGeometry};
 use crate::integrate::{ImplicitOptions, LinearBackwardEuler, Status, StepFailure, StepMatrices, TimeStepper};
 use crate::linear::{
@@ -171,7 +171,7 @@ fn pulled_particle(system: &System) -> Option<usize> {
     system.active().find_map(|(_, pair, _)| pair.into_iter().find(|&p| !system.dofs().rows(p).is_empty()))
 }
 
-fn stepper(case: &TestCase, solver: SolverChoice) -> Result<LinearBackwardEuler<'_>, Unfinished> {
+fn stepper(case: &TestCase, solver: SolverChoice) -> Measured<LinearBackwardEuler<'_>> {
     let linear = SolverOptions { solver, ..SolverOptions::default() };
     let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
     Ok(LinearBackwardEuler::new(&case.system, &case.state, &options)?)

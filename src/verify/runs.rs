@@ -1,6 +1,6 @@
 //! Runs of a scene by each of the methods, and runs that must be the same to the bit: twice, with one thread and with two, in a plane and in space.
 
-use super::{Check, Claim, LARGE, Measured, TestCase, Unfinished, worst};
+use super::{Check, Claim, LARGE, Measured, TestCase, worst};
 use crate::error::Error;
 use crate::integrate::{Equations, ImplicitOptions, Method, Status, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions};
@@ -65,13 +65,7 @@ impl MethodVariant {
     }
 
     /// The states of a run, the initial one first; `None` where theory allows that a step is refused, and one was.
-    pub fn run(
-        self,
-        case: &TestCase,
-        linear: SolverOptions,
-        dt: f64,
-        steps: usize,
-    ) -> Result<Option<Vec<State>>, Unfinished> {
+    pub fn run(self, case: &TestCase, linear: SolverOptions, dt: f64, steps: usize) -> Measured<Option<Vec<State>>> {
         let options = ImplicitOptions { stiffness: self.stiffness, linear };
         let mut stepper = self.method.stepper(&case.system, &case.state, &options)?;
         let mut state = case.state.clone();

@@ -4,7 +4,7 @@ use super::solution::{
     Promise, Residual, Solved, backward_errors, condition_estimate, condition_is_right, indefinite_backward_error,
     largest, solutions_agree, tolerance_is_met,
 };
-use super::{Check, Claim, Measured, TestCase, U, Unfinished};
+use super::{Check, Claim, Measured, TestCase, U};
 use crate::assembly::SymmetricMatrix;
 use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
@@ -14,7 +14,6 @@ use crate::linear::{
 };
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
-use crate::system::System;
 use crate::work::Work;
 use faer::Par;
 use nalgebra::{DMatrix, DVector};
@@ -41,8 +40,7 @@ pub(super) fn measure(case: &TestCase) -> Measured {
 
     let tolerance = attainable(&a, &b, reference.x)?;
     let iterated = Promise::Tolerance(tolerance);
-    let with =
-        |choice, tolerance| solve_with(system, &operator, &b, choice, tolerance).map_err(|failure| failure.to_string());
+    let with = |choice, tolerance| solve_with(&operator, &b, choice, tolerance).map_err(|failure| failure.to_string());
     let right = DVector::from_column_slice(&b);
     let mut solutions = vec![("LDLᵀ", Promise::Stable, with(SolverChoice::Ldlt, 0.0))];
     // This factorization is not blocked.
@@ -87,7 +85,7 @@ fn indefinite_check(case: &TestCase, geometry: &SpringGeometry) -> Result<Option
     let TestCase { name, system, state, dt, .. } = case;
     let step = StepMatrices::assemble(system, state, Stiffness::Full, *dt)?;
     let operator = SystemOperator::new(system, geometry, Stiffness::Full, Combination::step(*dt));
-    let Ok(x) = solve_with(system, &operator, &step.b, SolverChoice::Ldlt, 0.0) else { return Ok(None) };
+    let Ok(x) = solve_with(&operator, &step.b, SolverChoice::Ldlt, 0.0) else { return Ok(None) };
     indefinite_backward_error(&step.a.to_csc(), &step.b, &x, "LDLᵀ", &format!("{name}, full")).map(Some)
 }
 
@@ -103,18 +101,12 @@ fn definite(case: &TestCase) -> Result<(Stiffness, SymmetricMatrix, Vec<f64>, Ch
     Err(Error::Unsupported("A is not positive definite even without the transverse terms of compressed springs".into()))
 }
 
-fn solve_with(
-    system: &System,
-    operator: &SystemOperator,
-    b: &[f64],
-    solver: SolverChoice,
-    tolerance: f64,
-) -> Result<Vec<f64>, Unfinished> {
+fn solve_with(operator: &SystemOperator, b: &[f64], solver: SolverChoice, tolerance: f64) -> Measured<Vec<f64>> {
     let preconditioner = Some(PreconditionerKind::BlockJacobi);
     let options =
         SolverOptions { solver, preconditioner, tolerance: Tolerance::Fixed(tolerance), ..SolverOptions::default() };
     let (mut work, mut x) = (Work::default(), vec![0.0; b.len()]);
-    let mut solver = select(system, &options, DefinitenessGuarantee::Definite, &mut work)?;
+    let mut solver = select(operator.system(), &options, DefinitenessGuarantee::Definite, &mut work)?;
     solver.prepare(operator, &mut work)?.solve(b, &mut x, &mut work)?;
     Ok(x)
 }

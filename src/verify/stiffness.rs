@@ -1,6 +1,6 @@
 //! K and the blocks of springs, entry by entry, against central differences of the force and against dual numbers.
 
-use super::coloring::differences;
+use super::coloring::ForceAt;
 use super::comparison::{check_square, explain_by_spring};
 use super::force_error::Step;
 use super::free_coordinates::elastic_force;
@@ -26,10 +26,8 @@ pub fn stiffness_entries(case: &TestCase, stiffness: &CscMatrix<f64>) -> Result<
     check_square("stiffness", stiffness, system.dofs().len())?;
     let dofs: Vec<Dof> = system.dofs().iter().collect();
     let error = ForceError::new(system, &state.positions)?;
-    let mut force = elastic_force(system, state);
-    let mut x = reduce(system, &state.positions);
-    let mut differences =
-        |group: &[usize]| differences(&mut force, &mut x, group, |column, x| error.step(dofs[column].particle, x));
+    let mut force = ForceAt { force: elastic_force(system, state), x: reduce(system, &state.positions) };
+    let mut differences = |group: &[usize]| force.differences(group, |column, x| error.step(dofs[column].particle, x));
     let groups = ColumnGroups::of_system(system);
     let mut entries = WorstEntries::new();
     let allowed = |row: usize, column: usize, step| error.allowed(dofs[row].particle, dofs[column].particle, step);
@@ -153,7 +151,10 @@ pub fn spring_blocks(case: &TestCase, block: impl Fn(&Spring, &Extension) -> Mat
                 Some(at) => (block(&system.springs()[link.index], &at), expected(link)),
                 None => (nan, (nan, f64::NAN)),
             };
-            entries.compare_blocks(link.index, system.dimension(), &analytic, &numeric, allowed);
+            entries.spring = Some(link.index);
+            for (c, r) in (0..system.dimension()).flat_map(|c| (0..system.dimension()).map(move |r| (c, r))) {
+                entries.compare(r, Some(c), analytic[(r, c)], numeric[(r, c)], allowed);
+            }
         }
         let value = if entries.compared == 0 { 0.0 } else { entries.worst };
         Check::new(Claim::Jacobian, name, scene, value, 1.0, why).with_table(entries.into_table(|entry| entry))

@@ -79,10 +79,20 @@ impl VCurve {
         let count = if system.dofs().len() <= LARGE { 4 } else { 1 };
         let directions: Vec<_> = (0..count).map(|seed| Direction::new(&error, &state.positions, seed)).collect();
         let x = reduce(system, &state.positions);
+        // The difference quotient less the product along a direction.
+        let mut difference = |w: &[f64], h: f64| -> Vec<f64> {
+            let (ahead, behind) = (moved(&x, w, h), moved(&x, w, -h));
+            let [mut after, mut before, mut product_w] = [(); 3].map(|()| vec![0.0; x.len()]);
+            force(&ahead, &mut after);
+            force(&behind, &mut before);
+            let quotient = |(a, b): (&f64, &f64)| (a - b) / (2.0 * h);
+            product(&ahead.iter().zip(&behind).map(quotient).collect::<Vec<_>>(), &mut product_w);
+            after.iter().zip(&before).map(quotient).zip(product_w).map(|(d, p)| d - p).collect()
+        };
         let largest = |of: fn(&Direction) -> f64| worst(directions.iter().map(of));
         let resolved_from = largest(|direction| direction.resolved_from);
         let points = steps.iter().filter(|&&h| h >= resolved_from).map(|&h| {
-            let errors: Vec<_> = directions.iter().map(|d| d.errors(&x, h, &mut force, &product)).collect();
+            let errors: Vec<_> = directions.iter().map(|d| d.errors(h, &difference(&d.w, h))).collect();
             let [error, allowed] = [0, 1].map(|of: usize| worst(errors.iter().map(|errors| errors[of])));
             Point { h, error, allowed }
         });
@@ -216,25 +226,10 @@ impl<'a> Direction<'a> {
         worst(dofs.iter().zip(reduced).map(|(dof, value)| ratio(value.abs(), self.scale[dof.particle])))
     }
 
-    /// The measured error at a step, and the allowed one.
-    fn errors(
-        &self,
-        x: &[f64],
-        h: f64,
-        force: &mut impl FnMut(&[f64], &mut [f64]),
-        product: &impl Fn(&[f64], &mut [f64]),
-    ) -> [f64; 2] {
+    /// The error of a measured difference at a step, and the allowed one.
+    fn errors(&self, h: f64, difference: &[f64]) -> [f64; 2] {
         let springs = self.sum(|link, delta| link.truncation(h, delta) + link.block_rounding() * delta * 3.0);
-        let allowed = self.largest(&springs) + self.rounding / h + self.offset;
-        let (ahead, behind) = (moved(x, &self.w, h), moved(x, &self.w, -h));
-        let [mut after, mut before, mut difference] = [(); 3].map(|()| vec![0.0; x.len()]);
-        force(&ahead, &mut after);
-        force(&behind, &mut before);
-        let quotient = |(a, b): (&f64, &f64)| (a - b) / (2.0 * h);
-        product(&ahead.iter().zip(&behind).map(quotient).collect::<Vec<_>>(), &mut difference);
-        let quotients = after.iter().zip(&before).map(quotient);
-        difference.iter_mut().zip(quotients).for_each(|(product, quotient)| *product = quotient - *product);
-        [self.relative(&difference), allowed]
+        [self.relative(difference), self.largest(&springs) + self.rounding / h + self.offset]
     }
 }
 

@@ -67,13 +67,14 @@ fn an_entry_that_cannot_be_measured_is_worst_and_wrong() {
     }
 }
 
-/// Only wrong entries are explained; those of a spring's block are named with it, column by column.
+/// Only wrong entries are explained; those of a spring's block are named with it.
 #[test]
 fn only_wrong_entries_are_explained() {
     let mut entries = WorstEntries::new();
-    let truth = Matrix3::from_fn(|r, c| if (r, c) == (1, 0) { 2.0 } else { 1.0 });
-    entries.compare_blocks(7, 2, &Matrix3::repeat(1.0), &truth, 0.5);
-    assert_eq!(entries.compared, 4);
+    entries.spring = Some(7);
+    for (row, column) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+        entries.compare(row, Some(column), 1.0, if (row, column) == (1, 0) { 2.0 } else { 1.0 }, 0.5);
+    }
     let table = entries.into_table(|entry| entry.with_verdict("explained"));
     let table: Vec<_> = table.iter().map(|e| (e.spring, e.row, e.column, e.verdict.as_str())).collect();
     let agrees = |row, column| (Some(7), row, Some(column), "agrees");
