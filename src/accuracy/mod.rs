@@ -46,7 +46,8 @@ pub fn extent(reference: &[Vector3<f64>], start: &[Vector3<f64>]) -> f64 {
     extent_of(None, reference, start)
 }
 
-fn distance(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
+/// The root of the sum of squared distances, in m.
+pub(crate) fn distance(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum::<f64>().sqrt()
 }
 

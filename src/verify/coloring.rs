@@ -2,8 +2,7 @@
 //!
 //! A difference quotient along `e_c` is column c of the Jacobian. Where no two columns of a group have a nonzero entry in the same row, moving all
 //! their coordinates at once measures all of them: each row of the difference belongs to one column (Curtis, Powell and Reid 1974). Finding few
-//! groups is colouring a graph whose neighbours share a row: two particles joined by a spring, or by two. The greedy colouring needs at most one
-//! colour more than the largest number of such neighbours, whatever the number of particles.
+//! groups is colouring a graph whose neighbours share a row; the greedy colouring needs one colour more than the most neighbours at worst.
 
 use super::force_error::Step;
 use crate::system::{Dof, System};

@@ -7,9 +7,9 @@
 //! This shows orders of up to two. Errors of higher orders are soon below rounding: such methods are compared with known motions.
 
 use super::{AFFORDABLE, Check, Claim, Measured, MethodVariant, TestCase, U, direct, reduce};
+use crate::accuracy::distance;
 use crate::figure::{Guide, Plot, Series};
 use crate::linear::norm;
-use crate::system::State;
 use std::collections::BTreeSet;
 
 /// Steps of the coarsest run, and how often they are halved.
@@ -138,7 +138,7 @@ pub(super) fn measure(case: &TestCase) -> Measured {
         if ends.len() <= HALVINGS {
             continue;
         }
-        let distances = ends.windows(2).map(|pair| distance(&pair[0], &pair[1]));
+        let distances = ends.windows(2).map(|pair| distance(&pair[0].positions, &pair[1].positions));
         let points: Vec<_> = distances.enumerate().map(|(halving, distance)| (step(halving), distance)).collect();
         // Below a hundred roundings a distance has no two digits.
         if points.iter().any(|&(_, distance)| distance < 100.0 * rounding(case)) {
@@ -159,10 +159,6 @@ pub(super) fn measure(case: &TestCase) -> Measured {
     let mut checks = order_checks("observed order", &case.name, "‖x(h) − x(h/2)‖, m", curves);
     checks.extend(unclear);
     Ok(checks)
-}
-
-pub(super) fn distance(a: &State, b: &State) -> f64 {
-    a.positions.iter().zip(&b.positions).map(|(x, y)| (x - y).norm_squared()).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]

@@ -43,21 +43,20 @@ pub(super) fn measure(case: &TestCase) -> Measured {
         exchanged += (now.elastic - before.elastic).abs() + (now.gravitational - before.gravitational).abs();
     }
     let powers: Vec<Powers> = states.iter().map(|state| Powers::at(system, state)).collect();
-    let integral = |power: &dyn Fn(&Powers) -> f64| simpson(powers.iter().map(power), h / PARTS as f64);
-    let constraints = |at: &Powers| at.constraints.iter().sum::<f64>();
-    let magnitude = |at: &Powers| at.constraints.iter().map(|power| power.abs()).sum::<f64>();
-    let (damping, elastic) = (|at: &Powers| at.damping, |at: &Powers| at.elastic);
+    let integral = |power: fn(&Powers) -> f64| simpson(powers.iter().map(power), h / PARTS as f64);
     // A rule of fourth order at the balance's own steps: where that misses a power, the balance's formulas say nothing.
-    let is_resolved = |power: &dyn Fn(&Powers) -> f64| {
+    let is_resolved = |power: fn(&Powers) -> f64| {
         let coarse = simpson(powers.iter().step_by(PARTS).map(power), h);
-        (coarse - integral(power)).abs() <= 0.1 * BOUND * integral(&|at| power(at).abs())
+        let size = simpson(powers.iter().map(|at| power(at).abs()), h / PARTS as f64);
+        (coarse - integral(power)).abs() <= 0.1 * BOUND * size
     };
     let not_judged = |reason: String| Ok(vec![Check::not_judged(Claim::Conservation, "energy balance", name, reason)]);
-    if !(is_resolved(&elastic) && is_resolved(&damping) && is_resolved(&constraints)) {
+    if !(is_resolved(|at| at.elastic) && is_resolved(|at| at.damping) && is_resolved(|at| at.constraints)) {
         let reason = "powers change faster than the vibrations that the steps resolve: springs turn or come close";
         return not_judged(reason.into());
     }
-    let (work, moved, dissipated) = (integral(&constraints), integral(&magnitude), integral(&damping));
+    let (work, moved) = (integral(|at| at.constraints), integral(|at| at.magnitude));
+    let dissipated = integral(|at| at.damping);
     // Where next to nothing moves the rounding of energies remains.
     let energy = monitor.energy();
     let rounding = 100.0 * U * (energy.kinetic + energy.elastic + energy.gravitational.abs());
@@ -94,11 +93,12 @@ fn step(case: &TestCase) -> f64 {
     convergence::coarsest(case).min(0.9 * case.time_to_kink() / STEPS as f64)
 }
 
-/// The powers of the springs, the power that their damping dissipates, and that of every moving coordinate's constraint, in W.
+/// The powers of the springs, the power that their damping dissipates, and those of the moving coordinates' constraints and their magnitudes, in W.
 struct Powers {
     elastic: f64,
     damping: f64,
-    constraints: Vec<f64>,
+    constraints: f64,
+    magnitude: f64,
 }
 
 impl Powers {
@@ -116,10 +116,12 @@ impl Powers {
             let weight = system.masses()[p] * system.gravity()[axis];
             -(elastic[p][axis] + damping[p][axis] + weight) * prescribed.motions()[motion].velocity(state.time, axis)
         };
+        let constraints: Vec<f64> = prescribed.iter().map(power).collect();
         Self {
             elastic: links.iter().map(|link| link.elastic_force().dot(&link.difference(&state.velocities))).sum(),
             damping: links.iter().map(dissipated).sum(),
-            constraints: prescribed.iter().map(power).collect(),
+            constraints: constraints.iter().sum(),
+            magnitude: constraints.iter().map(|power| power.abs()).sum(),
         }
     }
 }

@@ -5,9 +5,9 @@
 //! to sign, and motions amplify and cancel: four of five are to be within a factor of ten. A method whose errors do not fall with its order from the
 //! medium to the short steps is left out: there the motion decides them. Runs that are wrong by 30 % must warn.
 
-use super::convergence::{coarsest, distance, is_soft};
+use super::convergence::{coarsest, is_soft};
 use super::{Check, Claim, Measured, MethodVariant, TestCase, direct, reference};
-use crate::accuracy::extent;
+use crate::accuracy::{distance, extent};
 use crate::integrate::{
     ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, Status, run_monitored,
 };
@@ -45,7 +45,7 @@ pub(super) fn measure(case: &TestCase) -> Measured {
         for length in STEPS {
             let Some((end, figures)) = monitored(case, method, h * length as f64, LENGTH / length)? else { continue };
             // The largest estimate is twice the size of the motion: a larger error is one of another motion, however large.
-            let error = (distance(&end, &exact) / figures.extent).min(2.0);
+            let error = (distance(&end.positions, &exact.positions) / figures.extent).min(2.0);
             runs += 1.0;
             if error > 0.3 && figures.warnings(None).is_empty() {
                 silent += 1.0;

@@ -1,9 +1,6 @@
 //! Systems that cannot be solved are reported, with the reason and the place, and never answered silently.
 //!
-//! On the squeezed twin of the scene, in which every spring wants to buckle, at a step at which A has negative eigenvalues: Cholesky refuses, LDLᵀ
-//! counts them and its solution satisfies the equations or is refused, conjugate gradients with a right-hand side that has all modes report a
-//! direction whose curvature really is negative. Conjugate gradients also report a limit that is too low, a tolerance that rounding cannot meet and
-//! numbers that are not finite; a spring whose ends coincide is named.
+//! Indefinite systems are those of the squeezed twin of the scene, in which every spring wants to buckle.
 
 use super::definiteness::is_small;
 use super::reference::{self, dense_step_matrix, field};

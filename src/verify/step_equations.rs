@@ -142,8 +142,7 @@ fn linear_residual(case: &TestCase, option: Stiffness, dt: f64, before: &State, 
         let products = stiffness_product(&links, option, dx).into_iter().zip(damping_product(&links, &velocities));
         products.map(|(k, g)| k + g).collect()
     };
-    let (all, coupling) = (springs(&dx), springs(&prescribed));
-    let (mut rows, mut right_hand_side, mut b) = (all.clone(), coupling, 0.0_f64);
+    let (mut rows, mut right_hand_side, mut b) = (springs(&dx), springs(&prescribed), 0.0_f64);
     for (p, &m) in system.masses().iter().enumerate() {
         let known = before.velocities[p] * (m / dt) + elastic[p] + system.gravity() * m;
         rows[p] += known - after.velocities[p] * (m / dt);

@@ -1,8 +1,5 @@
 //! The families of checks of K, and K w against central differences over all steps h: the V-curve.
 //!
-//! On logarithmic axes the error falls with slope +2 as h shrinks, `h² f'''/6`, until rounding takes over with slope −1, `ρ/h`. A right K shows both
-//! slopes and a floor as low as analysis says; a wrong K shows a plateau at the size of its fault.
-//!
 //! Every particle moves along w by at most half of its shortest spring, so h is a fraction of a spring everywhere,
 //! whatever the scale of the scene. The error of a component is taken relative to `S = Σ ‖K^s‖ ‖δ‖` over the springs of
 //! its particle: weak parts of a scene count like stiff ones. K is applied to the displacement that is left after
@@ -53,11 +50,8 @@ struct Point {
 /// Measured errors over h, from large to the smallest that the rounding of x resolves, and the parts of the analysis: the worst of all directions.
 struct VCurve {
     points: Vec<Point>,
-    /// The leading term of truncation over h².
     leading: f64,
-    /// The bound of rounding times h; the error itself is usually some thirty times smaller.
     rounding: f64,
-    /// The bound of the error of a middle that is off.
     offset: f64,
 }
 
@@ -156,13 +150,12 @@ fn slope<'p>(points: impl Iterator<Item = &'p Point>, least: usize) -> Option<f6
 struct Direction<'a> {
     error: &'a ForceError<'a>,
     w: Vec<f64>,
-    /// w as one vector a particle.
     moves: Vec<Vector3<f64>>,
     /// S of every particle, in N.
     scale: Vec<f64>,
     /// `‖f'''/6‖/S`, the largest over all particles.
     leading: f64,
-    /// The largest rounding bound `ρ/S`.
+    /// The largest rounding bound `ρ/S`; the error itself is usually some thirty times smaller.
     rounding: f64,
     /// The largest `(2/√3) k m ‖δ‖/l²` over S, with m the rounding of the two ends' coordinates.
     offset: f64,
