@@ -101,47 +101,13 @@ pub fn energy_slope(case: &TestCase, mut energy: impl FnMut(&[f64]) -> f64, forc
     let error = ForceError::new(system, &state.positions)?;
     let x = reduce(system, &state.positions);
     let (mut value, mut relative) = (0.0, 0.0);
+    let energy_here = energy(&x);
     for seed in 0..VECTORS {
         let w = error.direction(seed);
-        let bounds = SlopeBounds::new(&error, state, &w, force);
-        let h = (bounds.rounding(energy(&x)) / (2.0 * bounds.curvature)).cbrt();
-        let h = if h.is_finite() { h.clamp(bounds.resolved, 0.125) } else { 0.125 };
-        let (ahead, behind) = (moved(&x, &w, h), moved(&x, &w, -h));
-        let difference = energy(&ahead) - energy(&behind);
-        let work: f64 = ahead.iter().zip(&behind).zip(force).map(|((a, b), f)| (a - b) * f).sum();
-        let mismatch = (difference + work).abs() / (2.0 * h);
-        let allowed = bounds.curvature * h * h + bounds.rounding(energy(&x)) / h + bounds.slope;
-        relative = worst([relative, mismatch / bounds.force]);
-        value = worst([value, ratio(mismatch, allowed)]);
-    }
-    let why = format!(
-        "1 is truncation (2/√3) k h² δ³/(6 (l − hδ)²) of each spring and rounding of U, u for each spring of the sum, over h; \
-         the mismatch is {relative:.1e} of Σ k δ"
-    );
-    Ok(Check::new(Claim::Consistency, "f against −∇U by differences", name, value, 1.0, why))
-}
-
-/// Error bounds of the energy's difference quotient along one direction.
-struct SlopeBounds {
-    /// Factor of h² in the truncation error, at the lengths that h = 1/8 leaves.
-    curvature: f64,
-    /// Rounding of the energies of single springs, in J.
-    springs: f64,
-    /// Roundings of the sum of energies: u for each term.
-    sum: f64,
-    /// Rounding of the force, of its product with w, and of the middle of the two points, in J.
-    slope: f64,
-    /// `Σ k ‖δ‖`, in J: the size of the terms of f·w.
-    force: f64,
-    /// The smallest h at which x ± h w is resolved.
-    resolved: f64,
-}
-
-impl SlopeBounds {
-    fn new(error: &ForceError, state: &State, w: &[f64], force: &[f64]) -> Self {
-        let system = error.system;
-        let moves = expand(system, w);
-        let (mut curvature, mut springs, mut scale, mut middle) = (0.0, 0.0, 0.0, 0.0);
+        let moves = expand(system, &w);
+        // The factor of h² in the truncation, at the lengths that h = 1/8 leaves, the rounding of the energies, that of the middle of the two points,
+        // and the size of the terms of f·w.
+        let (mut curvature, mut springs, mut middle, mut scale) = (0.0, 0.0, 0.0, 0.0);
         for link in &error.links {
             let (l, a, c) = (link.length, link.axial, link.curved);
             let delta = link.difference(&moves).norm();
@@ -152,18 +118,27 @@ impl SlopeBounds {
             let [xi, xj] = link.ends.map(|end| state.positions[end].norm());
             middle += 2.0 * U * (xi + xj) * delta * (link.block_rounding() / (12.0 * U));
         }
-        let product: f64 = force.iter().zip(w).map(|(f, w)| (f * w).abs()).sum();
+        let rounding = springs + U * system.springs().len() as f64 * energy_here;
+        let product: f64 = force.iter().zip(&w).map(|(f, w)| (f * w).abs()).sum();
         let own: f64 = moves.iter().zip(&error.rounding).map(|(w, rounding)| rounding * w.norm() * 2.0).sum();
         let slope = middle + own + U * force.len() as f64 * product;
-        // Zero without a spring, whose shortest length is infinite.
+        // The smallest h at which x ± h w is resolved; zero without a spring, whose shortest length is infinite.
         let resolved = (0..moves.len()).map(|p| 128.0 * U * state.positions[p].amax() / error.shortest(p));
         let resolved = resolved.fold(0.0, f64::max).min(0.125);
-        Self { curvature, springs, sum: U * system.springs().len() as f64, slope, force: scale, resolved }
+        let h = (rounding / (2.0 * curvature)).cbrt();
+        let h = if h.is_finite() { h.clamp(resolved, 0.125) } else { 0.125 };
+        let (ahead, behind) = (moved(&x, &w, h), moved(&x, &w, -h));
+        let difference = energy(&ahead) - energy(&behind);
+        let work: f64 = ahead.iter().zip(&behind).zip(force).map(|((a, b), f)| (a - b) * f).sum();
+        let mismatch = (difference + work).abs() / (2.0 * h);
+        relative = worst([relative, mismatch / scale]);
+        value = worst([value, ratio(mismatch, curvature * h * h + rounding / h + slope)]);
     }
-
-    fn rounding(&self, energy: f64) -> f64 {
-        self.springs + self.sum * energy
-    }
+    let why = format!(
+        "1 is truncation (2/√3) k h² δ³/(6 (l − hδ)²) of each spring and rounding of U, u for each spring of the sum, over h; \
+         the mismatch is {relative:.1e} of Σ k δ"
+    );
+    Ok(Check::new(Claim::Consistency, "f against −∇U by differences", name, value, 1.0, why))
 }
 
 /// Nodes in (0, 1) and weights of Gauss's quadrature with eight points (Abramowitz and Stegun, table 25.4), one half.

@@ -7,10 +7,9 @@
 //! Σ b (n·Δv)²      and      −Σ (f_c + m g)·v_c  over the coordinates c that move,
 //! ```
 //!
-//! computed here a second time from the numbers of the scene. Steps have z = ω h ≤ 1/8, the short ones 1/64: the formulas of the
-//! balance leave `(2z)⁴/720 = 5·10⁻⁶`, and Simpson's rule less. The motion is that of DOP853, explicit and of eighth order, whose
-//! short steps are wrong by `7·10⁻⁸ z⁹ = 4·10⁻²⁴` of an amplitude: by rounding, and not by the remainder of an iteration, which at
-//! rest adds up from step to step. A wrong coefficient of a correction shows as z²/12 = 10⁻³ of a power. The imbalance is as small.
+//! computed here a second time from the numbers of the scene. Steps have z = ω h ≤ 1/8, the short ones 1/64. The motion is that of DOP853, explicit and
+//! of eighth order, whose short steps are wrong by `7·10⁻⁸ z⁹ = 4·10⁻²⁴` of an amplitude: by rounding, and not by the remainder of an iteration, which
+//! at rest adds up from step to step.
 
 use super::{
     AFFORDABLE, Check, Claim, Link, Measured, MethodVariant, TestCase, U, convergence, direct, ratio, reference, worst,

@@ -358,10 +358,7 @@ mod tests {
             assert!((estimate.value - 1.0_f64.exp()).abs() < 1e-10, "{estimate:?}");
             assert!((estimate.value - 1.0_f64.exp()).abs() < 100.0 * estimate.error.max(1e-14), "{estimate:?}");
         }
-    }
-
-    #[test]
-    fn steps_out_of_the_domain_are_passed_over() {
+        // Steps out of the domain are passed over.
         let estimate = derivative(f64::sqrt, 0.01, 1.0);
         assert!((estimate.value - 5.0).abs() < 1e-8, "{estimate:?}");
         assert!(derivative(|_| f64::NAN, 1.0, 1.0).value.is_nan());

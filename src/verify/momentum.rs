@@ -74,7 +74,6 @@ pub(super) fn angular(case: &TestCase) -> Measured {
     };
     let extent = case.extent();
     follow(case, "angular momentum", MethodVariant::of(case).filter(conserves), |method, dt, before, after| {
-        // The weight acts where the method takes the forces.
         let arm = |p: usize| match method {
             Method::ImplicitMidpoint | Method::Verlet => (before.positions[p] + after.positions[p]) * 0.5 - centre,
             _ => before.positions[p] - centre,

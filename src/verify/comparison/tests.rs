@@ -123,12 +123,7 @@ fn wrong_blocks_are_described_by_their_terms() {
     assert_eq!(words((-3.0, 5.0), (-2.0, 5.0), 0.5), "the transverse term 1.50 times too large");
     // A term so small that its part of the truth rounds to zero is missing, not of the wrong sign.
     assert_eq!(term_verdict("axial", 1e-200, 1e200, 0.0), "100 % of the axial term missing");
-}
-
-/// A block without a spring's form, measured or not, has no terms, whatever else is wrong with it.
-#[test]
-fn other_blocks_are_not_described_by_terms() {
-    let n = Vector3::new(0.6, 0.8, 0.0);
+    // A block without a spring's form, measured or not, has no terms, whatever else is wrong with it.
     let right = block(n, 2, 2.0, 5.0);
     let mut odd = right * 2.0;
     odd[(0, 1)] += 0.5;
