@@ -169,7 +169,7 @@ mod tests {
     /// 2 kg on a spring of k = 8 N that is 3 m long, 2 m at rest: `ω² ≤ 2 (8/2)/2`, so that steps of 1/4 s resolve it.
     fn pulled(dt: f64) -> TestCase {
         let mut builder = line();
-        builder.springs[0].stiffness = 8.0;
+        (builder.springs[0].stiffness, builder.masses[1]) = (8.0, 2.0);
         builder.velocities[0].x = 1.0;
         builder.hold(1).hold(2);
         case(builder, dt)

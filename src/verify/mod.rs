@@ -62,7 +62,7 @@ pub use scenes::built_in;
 pub use scenes::hard_states;
 pub use solution::{
     Promise, Solved, backward_errors, condition_estimate, condition_is_right, indefinite_backward_error,
-    solutions_agree, tolerance_is_met,
+    solutions_agree,
 };
 pub use stiffness::{spring_blocks, stiffness_against_duals, stiffness_entries};
 pub use suite::{FAMILIES, Family, verify};
