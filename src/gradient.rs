@@ -180,12 +180,9 @@ impl<'s> DifferentiableRun<'s> {
                 next += split(count - step, checkpoints + 1 - run.snapshots.len());
             }
             forward.step(&run, step)?;
-            if keeps_all {
+            if keeps_all || step + 1 == count {
                 run.records.push(forward.here.clone());
             }
-        }
-        if !keeps_all {
-            run.records.push(forward.here.clone());
         }
         Ok(run)
     }
@@ -273,15 +270,16 @@ impl<'s> DifferentiableRun<'s> {
         let first = &self.records[0];
         let mut tangents = Tangents::new(self, changes, first)?;
         let mut found = vec![Vec::with_capacity(steps.len()); changes.len()];
-        let record = |found: &mut Vec<Vec<_>>, tangents: &Tangents<'_, 's>, step| {
+        let keeps_all = self.records.len() == self.steps() + 1;
+        let mut forward = if keeps_all { None } else { Some(Forward::new(self, &first.state)?) };
+        let last = steps.last().copied().unwrap_or(0);
+        for step in 0..=last {
             if steps.contains(&step) {
                 found.iter_mut().zip(tangents.states()).for_each(|(found, state)| found.push(state.clone()));
             }
-        };
-        record(&mut found, &tangents, 0);
-        let keeps_all = self.records.len() == self.steps() + 1;
-        let mut forward = if keeps_all { None } else { Some(Forward::new(self, &first.state)?) };
-        for step in 0..steps.last().copied().unwrap_or(0) {
+            if step == last {
+                break;
+            }
             let mut earlier = None;
             let (before, here, next) = match &mut forward {
                 None => (self.record_before(step), &self.records[step], &self.records[step + 1]),
@@ -292,12 +290,10 @@ impl<'s> DifferentiableRun<'s> {
                 }
             };
             tangents.step(step, before, [here, next])?;
-            record(&mut found, &tangents, step + 1);
         }
         Ok(found)
     }
 
-    /// The state before a step's first one, where all are kept.
     fn record_before(&self, step: usize) -> Option<&Record> {
         step.checked_sub(1).map(|before| &self.records[before])
     }
@@ -320,13 +316,11 @@ impl<'s> DifferentiableRun<'s> {
         }
     }
 
-    /// (x̃, ṽ) of a core, at its start.
     fn base(&self, step: usize, before: Option<&Record>, here: &State) -> State {
         let [tau, beta] = self.coefficients(step);
         let mut base = here.clone();
-        base.time = here.time + self.steps[step] - tau;
-        if self.method == Method::ImplicitMidpoint {
-            base.time = here.time;
+        if self.method != Method::ImplicitMidpoint {
+            base.time = here.time + self.steps[step] - tau;
         }
         if let Some(Record { state: before, .. }) = before.filter(|_| beta != 0.0) {
             for (base, before) in [(&mut base.positions, &before.positions), (&mut base.velocities, &before.velocities)]
@@ -337,7 +331,6 @@ impl<'s> DifferentiableRun<'s> {
         base
     }
 
-    /// The core of a step, from the states before and after it.
     fn core(&self, step: usize, before: Option<&Record>, here: &State, next: &State) -> Core {
         let ([tau, beta], base) = (self.coefficients(step), self.base(step, before, here));
         let doubles = self.method == Method::ImplicitMidpoint;
@@ -441,7 +434,6 @@ fn broken(step: usize, time: f64, failure: &StepFailure) -> Error {
     Error::Breakdown { step: step + 1, time, status: failure.status().name(), reason: failure.to_string() }
 }
 
-/// M⁻¹ F of free coordinates.
 fn accelerations(system: &System, state: &State) -> Result<Vec<Vector3<f64>>, DegenerateSpring> {
     let mut force = vec![Vector3::zeros(); system.particles()];
     set_total_force(system, &state.moment(), &mut force)?;

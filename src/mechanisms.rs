@@ -39,7 +39,6 @@ use proof::{Bounds, largest_rank, least, root_above, root_below};
 /// The largest number of degrees of freedom, and of springs, for which B is decomposed densely.
 const DENSE: usize = 1200;
 
-/// The part of the largest singular value from which on others count as not zero.
 const KEPT: f64 = 1e-9;
 
 /// Mechanisms and states of self-stress of a system; see [`mechanisms`].
@@ -207,11 +206,10 @@ impl Directions<'_> {
     /// `‖B u‖`.
     fn stretch(&self, u: &[f64]) -> f64 {
         let dofs = self.system.dofs();
-        let rate = |([i, j], n): ([usize; 2], Vector3<f64>)| n.dot(&(dofs.get(u, i) - dofs.get(u, j)));
-        self.rows().map(|(_, ends, n)| rate((ends, n)).powi(2)).sum::<f64>().sqrt()
+        let rates = self.rows().map(|(_, [i, j], n)| n.dot(&(dofs.get(u, i) - dofs.get(u, j))));
+        rates.map(|rate| rate.powi(2)).sum::<f64>().sqrt()
     }
 
-    /// By the singular value decomposition.
     fn dense(&self) -> Result<NullSpaces> {
         let dofs = self.system.dofs();
         let [d, s] = [dofs.len(), self.row_count()];
@@ -263,12 +261,11 @@ impl Directions<'_> {
         Ok(NullSpaces { rank, gap, decided, bounds, motions, stresses: columns(u.as_ref()), is_complete: true })
     }
 
-    /// By the inertia of `BᵀB` and inverse iteration.
     fn sparse(&self) -> Result<NullSpaces> {
         let system = self.system;
         let d = system.dofs().len();
         let (a, delta) = self.gram()?;
-        let norm = a.norm_inf(&mut vec![0.0; d]);
+        let norm = Pencil::of(&a).norm();
         let largest = norm.sqrt();
         let mut work = Work::default();
         let mut factorization = Ldlt::analyse(a.pattern(), Par::rayon(0))?;
@@ -276,14 +273,10 @@ impl Directions<'_> {
         // Below rounding of BᵀB, and well above: the same number, and nothing lies between.
         let mut bounds = Bounds::NONE;
         let mut count = |search: &mut ShiftInvert<'_>, shift: f64| {
-            let shifts = (0..8).map(|k| shift * norm * (1.0 + 0.01 * f64::from(k)));
-            shifts.into_iter().find_map(|shift| {
-                let count = search.below(shift)?;
-                let error = search.count_error + delta;
-                bounds =
-                    Bounds { above: root_below(shift - error), below: bounds.below.min(root_above(shift + error)) };
-                Some(count)
-            })
+            let (count, shift) = search.below_about(shift * norm)?;
+            let error = search.count_error + delta;
+            bounds = Bounds { above: root_below(shift - error), below: bounds.below.min(root_above(shift + error)) };
+            Some(count)
         };
         let [low, high] = [1e-13, 1e-9].map(|shift| count(&mut search, shift));
         let zeros = low.or(high).unwrap_or(d);
@@ -366,7 +359,6 @@ fn subtract_parts(vector: &mut [f64], basis: &[Vec<f64>]) {
     }
 }
 
-/// An orthonormal basis of the span of some vectors.
 fn orthonormal(vectors: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let mut basis: Vec<Vec<f64>> = Vec::new();
     for mut vector in vectors {

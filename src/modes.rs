@@ -20,9 +20,10 @@ mod hanging;
 
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::{
-    Accuracy, BlockLanczos, Eigenpair, End, Pencil, Search, ShiftInvert, Tolerance, enclosures, multigrid_for,
+    Accuracy, BlockLanczos, Eigenpair, End, Pencil, Search, ShiftInvert, Tolerance, enclosures, multigrid_for, product,
+    scaled_products,
 };
-use crate::error::{Error, Invalid, Result, check_length};
+use crate::error::{Invalid, Result, check_length};
 use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
 use crate::integrate::Matrices;
 use crate::linear::{CostModel, FactorSize, Ldlt, PreconditionerKind, dot};
@@ -40,7 +41,6 @@ use std::f64::consts::TAU;
 /// An eigenvalue counts as zero up to this part of ‖M⁻¹K‖: some units in the last place of the sums in K and in `φᵀKφ`.
 const ZERO: f64 = 32.0 * f64::EPSILON;
 
-/// Zero modes that are computed at most.
 const ZEROS: usize = 1000;
 
 /// One normal mode.
@@ -165,7 +165,6 @@ pub fn modes(system: &System, state: &State, count: usize) -> Result<Modes> {
     let (zeros, others): (Vec<_>, Vec<_>) = pairs.partition(|(pair, _)| rounding.hides(pair));
     let size = |(pair, _): &(Eigenpair, f64)| pair.value.abs();
     let gap = [zeros.iter().map(size).fold(0.0, f64::max), others.iter().map(size).fold(f64::INFINITY, f64::min)];
-    // All that are lower have been found, where a mode above zero has.
     let is_past_zero = zeros.len() + others.len() == order || others.last().is_some_and(|(pair, _)| pair.value > 0.0);
     let zero_count = if is_past_zero { Some(zeros.len()) } else { zeros_above };
     let damping = matrices.g();
@@ -272,7 +271,6 @@ fn loose_parts(system: &System, state: &State) -> Vec<Vec<usize>> {
     bodies.into_iter().filter(is_loose).map(|body| body.particles).collect()
 }
 
-/// What eigenvalues of zero may become by rounding.
 struct Rounding<'a> {
     system: &'a System,
     state: &'a State,
@@ -333,7 +331,6 @@ pub(crate) fn uncounted(
     work: &mut Work,
 ) -> Result<Vec<Eigenpair>> {
     let n = masses.len();
-    // Four vectors are improved together.
     let search = Search::new(End::Lowest, wanted, 4);
     memory::ensure(16 * (search.capacity as u64 + 60) * n as u64, "the vectors of a search for modes")?;
     let geometry = SpringGeometry::at(system, state)?;
@@ -344,12 +341,7 @@ pub(crate) fn uncounted(
     let build = |option| multigrid_for(&shifted(shift, option), &state.positions);
     let mut multigrid = build(Stiffness::Full).or_else(|| build(Stiffness::Tension));
     let products = shifted(0.0, Stiffness::Full);
-    let mut apply = |x: &[f64], y: &mut [f64]| {
-        for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
-            products.apply(x, y);
-            y.iter_mut().zip(masses).for_each(|(y, mass)| *y /= mass);
-        }
-    };
+    let mut apply = scaled_products(&products, Some(masses));
     let mut weighted = vec![0.0; n];
     let mut precondition = |r: &[f64], z: &mut [f64]| match &mut multigrid {
         Some(multigrid) => {
@@ -384,12 +376,6 @@ fn unresisted(a: &SymmetricMatrix, masses: &[f64], motions: Vec<Vec<f64>>, round
         Eigenpair { value: 0.0, residual: eigen.eigenvalues[k].max(0.0).sqrt(), vector }
     };
     (0..motions.len()).map(pair).filter(|pair| pair.residual <= zero).collect()
-}
-
-fn product(a: &SymmetricMatrix, x: &[f64]) -> Vec<f64> {
-    let mut product = vec![0.0; x.len()];
-    a.apply(x, &mut product);
-    product
 }
 
 pub(crate) fn largest(values: &[f64]) -> f64 {
@@ -497,20 +483,19 @@ impl Modes {
     pub fn harmonic_response(&self, force: &[f64], frequencies: &[f64]) -> Result<Vec<Vec<c64>>> {
         check_length("force", force.len(), self.dofs.len())?;
         let (all, damping) = self.reduced();
-        let load = DVector::from_fn(all.len(), |k, _| nalgebra::Complex::from(dot(&all[k].vector, force)));
+        let load = DVector::from_fn(all.len(), |k, _| c64::from(dot(&all[k].vector, force)));
         let response = |(index, &frequency): (usize, &f64)| {
             let omega = TAU * frequency;
-            let mut matrix = damping.map(|g| nalgebra::Complex::new(0.0, -omega * g));
+            let mut matrix = damping.map(|g| c64::new(0.0, -omega * g));
             for (k, mode) in all.iter().enumerate() {
-                matrix[(k, k)] += nalgebra::Complex::from(mode.eigenvalue - omega * omega);
+                matrix[(k, k)] += c64::from(mode.eigenvalue - omega * omega);
             }
-            let amplitudes =
-                matrix.lu().solve(&load).filter(|x| x.iter().all(|x| x.re.is_finite() && x.im.is_finite()));
+            let amplitudes = matrix.lu().solve(&load).filter(|x| x.iter().all(|x| x.is_finite()));
             let resonance = || Invalid::new("frequencies", frequency, "must not be that of an undamped mode").at(index);
-            let amplitudes = amplitudes.ok_or_else(|| Error::from(resonance()))?;
-            let mut x = vec![c64::new(0.0, 0.0); self.dofs.len()];
+            let amplitudes = amplitudes.ok_or_else(resonance)?;
+            let mut x = vec![c64::ZERO; self.dofs.len()];
             for (mode, amplitude) in all.iter().zip(&amplitudes) {
-                x.iter_mut().zip(&mode.vector).for_each(|(x, u)| *x += c64::new(amplitude.re * u, amplitude.im * u));
+                x.iter_mut().zip(&mode.vector).for_each(|(x, u)| *x += amplitude * u);
             }
             Ok(x)
         };

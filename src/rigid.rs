@@ -95,7 +95,6 @@ impl Body {
         let centre = members.iter().map(|&p| positions[p]).sum::<Vector3<f64>>() / members.len() as f64;
         let arm = |p: usize| positions[p] - centre;
         let radius = members.iter().map(|&p| arm(p).norm()).fold(0.0, f64::max);
-        // Translations and rotations, `t + ω × arm` with ω scaled by the radius.
         let rotations = match dimension {
             3 => 0..3,
             2 => 2..3,
@@ -158,7 +157,6 @@ fn null_space(form: DMatrix<f64>) -> DMatrix<f64> {
     eigenvectors.select_columns(&null)
 }
 
-/// The sum of vectors times factors.
 pub(crate) fn combination<'f>(vectors: &[Vec<f64>], factors: impl IntoIterator<Item = &'f f64>) -> Vec<f64> {
     let mut sum = vec![0.0; vectors.first().map_or(0, Vec::len)];
     for (vector, factor) in vectors.iter().zip(factors) {
@@ -167,7 +165,6 @@ pub(crate) fn combination<'f>(vectors: &[Vec<f64>], factors: impl IntoIterator<I
     sum
 }
 
-/// The rigid motions of all bodies as reduced vectors, body by body.
 pub(crate) fn rigid_motions(system: &System, positions: &[Vector3<f64>]) -> Vec<Vec<f64>> {
     let of_body = |body: &Body| {
         let motions = body.rigid_motions(system, positions).into_iter();

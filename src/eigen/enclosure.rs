@@ -75,7 +75,6 @@ impl Clusters<'_> {
         }
     }
 
-    /// The bound for a cluster, from the sum of the squares of its residuals.
     fn radius(&self, range: &Range<usize>, square: f64) -> f64 {
         let larger = |largest: f64, d: &f64| if *d <= largest { largest } else { *d };
         let defect = self.defects[range.clone()].iter().fold(0.0, larger);
@@ -101,7 +100,6 @@ fn residuals(pencil: &Pencil<'_>, pairs: &[Eigenpair]) -> Vec<f64> {
             let mass = pencil.masses.map_or(1.0, |masses| masses[row]);
             let inertia = pair.value * (mass * x);
             let most = (product - inertia).abs() + roundings * (size + inertia.abs()) * (1.0 + roundings);
-            // Above what underflows.
             (most.powi(2) + f64::MIN_POSITIVE) / mass
         });
         squares.sum::<f64>() * (1.0 + gamma(n + 20))
@@ -109,7 +107,6 @@ fn residuals(pencil: &Pencil<'_>, pairs: &[Eigenpair]) -> Vec<f64> {
     pairs.iter().map(of).collect()
 }
 
-/// The most entries in a row of the whole matrix.
 fn entries_in_a_row(a: &SymmetricMatrix) -> usize {
     let mut counts = vec![0; a.order()];
     for (row, column, _) in a.iter() {

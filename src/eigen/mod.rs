@@ -34,7 +34,7 @@ pub use shift_invert::{Lowest, lowest};
 
 use crate::linear::{dot, norm};
 use crate::multigrid::Multigrid;
-use crate::operator::SystemOperator;
+use crate::operator::{LinearOperator, SystemOperator};
 use nalgebra::{DMatrix, DMatrixView, DVector, SymmetricEigen, Vector3};
 use rand::rngs::Xoshiro256PlusPlus;
 use rand::{Rng, SeedableRng};
@@ -50,11 +50,38 @@ pub struct Eigenpair {
     pub residual: f64,
 }
 
-/// The vector divided by its length; `None` where that is zero or not finite.
+/// `u/‖u‖`; `None` where ‖u‖ is zero or not finite.
 pub(crate) fn unit(mut u: Vec<f64>) -> Option<Vec<f64>> {
     let length = norm(&u);
     u.iter_mut().for_each(|u| *u /= length);
     (length > 0.0 && length.is_finite()).then_some(u)
+}
+
+/// `M⁻¹A X` for matrices stored by columns, with the diagonal of M (`None` for the identity).
+pub(crate) fn scaled_products<'a>(
+    a: &'a dyn LinearOperator,
+    masses: Option<&'a [f64]>,
+) -> impl FnMut(&[f64], &mut [f64]) + 'a {
+    let n = a.order().max(1);
+    move |x, y| {
+        for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
+            a.apply(x, y);
+            divide(y, masses);
+        }
+    }
+}
+
+fn divide(y: &mut [f64], masses: Option<&[f64]>) {
+    if let Some(masses) = masses {
+        y.iter_mut().zip(masses).for_each(|(y, mass)| *y /= mass);
+    }
+}
+
+/// `A x`.
+pub(crate) fn product(a: &dyn LinearOperator, x: &[f64]) -> Vec<f64> {
+    let mut product = vec![0.0; x.len()];
+    a.apply(x, &mut product);
+    product
 }
 
 /// Multigrid for a matrix that cannot be factored, where there is the memory for it and the matrix is positive definite.
@@ -79,7 +106,7 @@ pub(crate) fn gaussian(rng: &mut Xoshiro256PlusPlus, x: &mut [f64]) {
     }
 }
 
-/// `Y = B X` for matrices stored by columns, up to a block of them.
+/// `Y = B X` for matrices stored by columns.
 pub(crate) type Product<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,8 +117,8 @@ pub(crate) enum End {
 }
 
 impl End {
-    /// The order in which values are wanted: the smallest first.
-    pub fn rank(self, value: f64) -> f64 {
+    /// Least for the value that is wanted most.
+    fn rank(self, value: f64) -> f64 {
         match self {
             Self::Lowest => value,
             Self::Highest => -value,
@@ -127,7 +154,6 @@ impl From<Ritz> for Eigenpair {
     }
 }
 
-/// The eigenvalues wanted, and the size of the search space.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Search {
     pub end: End,
@@ -150,9 +176,7 @@ pub(crate) struct BlockLanczos<'m> {
     n: usize,
     /// The diagonal of M; `None` for the identity.
     masses: Option<&'m [f64]>,
-    end: End,
-    wanted: usize,
-    block: usize,
+    search: Search,
     /// V and BV by columns, of which the first `size` count, and H.
     basis: DMatrix<f64>,
     products: DMatrix<f64>,
@@ -162,14 +186,12 @@ pub(crate) struct BlockLanczos<'m> {
 }
 
 impl<'m> BlockLanczos<'m> {
-    /// An empty space; random vectors are drawn from the seed.
     pub fn new(n: usize, masses: Option<&'m [f64]>, search: Search, seed: u64) -> Self {
-        let Search { end, wanted, block, capacity } = search;
-        let (wanted, block, capacity) = (wanted.min(n), block.max(1), capacity.min(n));
+        let (wanted, capacity) = (search.wanted.min(n), search.capacity.min(n));
         let zeros = |rows| DMatrix::zeros(rows, capacity);
         let (basis, products, projected) = (zeros(n), zeros(n), zeros(capacity));
         let rng = Xoshiro256PlusPlus::seed_from_u64(seed);
-        Self { n, masses, end, wanted, block, basis, products, projected, size: 0, rng }
+        Self { n, masses, search: Search { wanted, ..search }, basis, products, projected, size: 0, rng }
     }
 
     pub fn start<'v>(&mut self, vectors: impl IntoIterator<Item = &'v [f64]>, apply: &mut Product<'_>) {
@@ -179,13 +201,13 @@ impl<'m> BlockLanczos<'m> {
         }
     }
 
-    /// Adds a block of random vectors, making room first.
     pub fn refresh(&mut self, apply: &mut Product<'_>) {
-        if self.size > self.block && self.is_full_with(self.block) {
+        let Search { block, .. } = self.search;
+        if self.size > block && self.is_full_with(block) {
             let (values, vectors) = self.ritz_pairs();
             self.compress(&values, &vectors);
         }
-        let mut fresh = DMatrix::zeros(self.n, self.block);
+        let mut fresh = DMatrix::zeros(self.n, block);
         gaussian(&mut self.rng, fresh.as_mut_slice());
         self.extend(fresh, apply);
     }
@@ -199,10 +221,12 @@ impl<'m> BlockLanczos<'m> {
         apply: &mut Product<'_>,
         mut precondition: Option<&mut Product<'_>>,
     ) -> Vec<Ritz> {
-        for step in 0.. {
+        let Search { wanted, block, .. } = self.search;
+        let mut left = longest;
+        loop {
             let (values, y) = self.ritz_pairs();
             let norm = values.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
-            let count = self.wanted.max(self.block).min(self.size);
+            let count = wanted.max(block).min(self.size);
             let x = self.basis.columns(0, self.size) * y.columns(0, count);
             let image = self.products.columns(0, self.size) * y.columns(0, count);
             let mut residuals = image.clone();
@@ -213,8 +237,9 @@ impl<'m> BlockLanczos<'m> {
             let Tolerance { of_value, of_norm } = tolerance;
             let is_open = |k: &usize| lengths[*k] > (of_value * values[*k].abs()).max(of_norm * norm);
             let mut has_grown = false;
-            if (0..self.wanted.min(count)).any(|k| is_open(&k)) && self.size < self.n && step < longest {
-                let open: Vec<usize> = (0..count).filter(is_open).take(self.block).collect();
+            if (0..wanted.min(count)).any(|k| is_open(&k)) && self.size < self.n && left > 0 {
+                left -= 1;
+                let open: Vec<usize> = (0..count).filter(is_open).take(block).collect();
                 if self.is_full_with(open.len()) {
                     self.compress(&values, &y);
                 }
@@ -237,22 +262,20 @@ impl<'m> BlockLanczos<'m> {
                 return (0..count).map(pair).collect();
             }
         }
-        Vec::new()
     }
 
-    /// Whether the basis has to shrink before so many vectors join. One with room for a whole basis of the space never has to.
+    /// So many vectors more need room, and the basis is not one of the whole space.
     fn is_full_with(&self, added: usize) -> bool {
         self.size + added > self.basis.ncols() && self.basis.ncols() < self.n
     }
 
     /// `MX`, where M is not the identity.
-    fn weighted(&self, columns: DMatrix<f64>) -> DMatrix<f64> {
+    fn weighted(&self, mut columns: DMatrix<f64>) -> DMatrix<f64> {
         let Some(masses) = self.masses else { return columns };
-        let mut weighted = columns;
-        for mut column in weighted.column_iter_mut() {
+        for mut column in columns.column_iter_mut() {
             column.iter_mut().zip(masses).for_each(|(x, mass)| *x *= mass);
         }
-        weighted
+        columns
     }
 
     /// `‖x‖_M`.
@@ -326,7 +349,6 @@ impl<'m> BlockLanczos<'m> {
         }
     }
 
-    /// Eigenpairs of H, most wanted first; NaN where there are none.
     fn ritz_pairs(&self) -> (Vec<f64>, DMatrix<f64>) {
         let projected = self.projected.view((0, 0), (self.size, self.size)).into_owned();
         let is_finite = projected.iter().all(|entry| entry.is_finite());
@@ -335,15 +357,15 @@ impl<'m> BlockLanczos<'m> {
             return (vec![f64::NAN; self.size], DMatrix::identity(self.size, self.size));
         };
         let mut order: Vec<usize> = (0..self.size).collect();
-        let rank = |k: usize| self.end.rank(eigen.eigenvalues[k]);
+        let rank = |k: usize| self.search.end.rank(eigen.eigenvalues[k]);
         order.sort_by(|&a, &b| rank(a).total_cmp(&rank(b)));
         let values = order.iter().map(|&k| eigen.eigenvalues[k]).collect();
         (values, eigen.eigenvectors.select_columns(&order))
     }
 
-    /// Shrinks the basis to its best Ritz vectors.
     fn compress(&mut self, values: &[f64], y: &DMatrix<f64>) {
-        let count = (self.wanted + self.block).min(self.size.saturating_sub(self.block)).max(1);
+        let Search { wanted, block, .. } = self.search;
+        let count = (wanted + block).min(self.size.saturating_sub(block)).max(1);
         let basis = self.basis.columns(0, self.size) * y.columns(0, count);
         let products = self.products.columns(0, self.size) * y.columns(0, count);
         self.basis.columns_mut(0, count).copy_from(&basis);

@@ -13,12 +13,10 @@
 //! - that the k eigenvalues found are the lowest ones: as many lie below a shift τ just below the last of them as were found there. Where there are
 //!   more, the search goes on from its pairs and random vectors, with σ moved nearer (Grimes, Lewis and Simon 1994).
 //!
-//! Eigenvalues that agree to the distance of τ are not told apart.
-//!
 //! A rigorous bound ε of the rounding errors in `L D Lᵀ` (`linear/certificate.rs`) makes the count a theorem about the stored pencil: at most as many
 //! eigenvalues as there are negative pivots lie below `σ − ε`, and at least as many below `σ + ε`.
 
-use super::{BlockLanczos, Eigenpair, End, Ritz, Search, Tolerance, largest, probe};
+use super::{BlockLanczos, Eigenpair, End, Ritz, Search, Tolerance, divide, largest, probe, product, scaled_products};
 use crate::assembly::SymmetricMatrix;
 use crate::error::{Invalid, Result, check_length};
 use crate::linear::{Ldlt, SOLVE_COLUMNS, dot};
@@ -53,9 +51,8 @@ impl<'a> Pencil<'a> {
         let mut sums = vec![0.0; self.a.order()];
         let norm = self.a.norm_inf(&mut sums);
         let Some(masses) = self.masses else { return norm };
-        sums.iter()
-            .zip(masses)
-            .fold(0.0, |largest, (sum, mass)| if sum / mass <= largest { largest } else { sum / mass })
+        divide(&mut sums, Some(masses));
+        sums.iter().fold(0.0, |largest, &sum| if sum <= largest { largest } else { sum })
     }
 }
 
@@ -125,9 +122,8 @@ pub fn lowest(a: &SymmetricMatrix, masses: Option<&[f64]>, count: usize, par: Pa
     Ok(Lowest { complete: search.edge.is_some() && pairs.len() == count.min(a.order()), pairs, counted_below })
 }
 
-/// Searches for eigenvalues of a pencil with factorizations on one analysis.
 pub(crate) struct ShiftInvert<'a> {
-    pencil: Pencil<'a>,
+    pub pencil: Pencil<'a>,
     factorization: &'a mut Ldlt,
     work: &'a mut Work,
     norm: f64,
@@ -172,7 +168,6 @@ impl<'a> ShiftInvert<'a> {
             let first = first.value;
             if found == 0 && edge <= self.within[0] {
                 self.edge = Some(edge);
-                // Not counted here, but above.
                 self.count_error = f64::INFINITY;
                 return pairs;
             }
@@ -202,7 +197,7 @@ impl<'a> ShiftInvert<'a> {
     pub fn largest(&mut self) -> f64 {
         let (n, norm) = (self.order(), self.norm);
         let products = self.pencil.products;
-        let of_recurrence = |tolerance: f64| largest(n, tolerance * norm, 1000, &mut |x, y| products.apply(x, y));
+        let of_recurrence = |tolerance: f64| largest(n, tolerance * norm, 1000, &mut scaled_products(products, None));
         let (mut value, mut distance) = (of_recurrence(1e-7), Accuracy::CERTIFIED.edge[0] * norm);
         let mut is_rough = true;
         while self.below(value + distance) != Some(n) {
@@ -229,8 +224,7 @@ impl<'a> ShiftInvert<'a> {
             if self.below(shift).is_none() {
                 continue;
             }
-            let pairs = self.search(End::Farthest, shift, 1, RESOLVED, &[], None);
-            let nearest = pairs.into_iter().min_by(|a, b| a.value.abs().total_cmp(&b.value.abs()));
+            let nearest = self.search(End::Farthest, shift, 1, RESOLVED, &[], None).pop();
             let Some(nearest) = nearest.filter(|pair| pair.value.is_finite()) else { continue };
             let is_good = nearest.residual <= 1e-3 * nearest.value.abs();
             if best.as_ref().is_none_or(|best| nearest.residual < best.residual) {
@@ -260,6 +254,12 @@ impl<'a> ShiftInvert<'a> {
         Some(below)
     }
 
+    /// The eigenvalues below a shift, by [`below`](Self::below), or below one a little farther from zero where a pivot vanishes; with that shift.
+    pub fn below_about(&mut self, shift: f64) -> Option<(usize, f64)> {
+        let mut shifts = (0..8).map(|k| shift * (1.0 + 0.01 * f64::from(k)));
+        shifts.find_map(|shift| Some((self.below(shift)?, shift)))
+    }
+
     /// No eigenvalue is below σ, by [`below`](Self::below).
     fn is_floor(&mut self, shift: f64) -> bool {
         let is_floor = self.below(shift) == Some(0);
@@ -274,10 +274,7 @@ impl<'a> ShiftInvert<'a> {
         let Pencil { products, masses, .. } = self.pencil;
         let mut guess = None;
         if !(self.is_factored || self.within[0] >= 0.0) {
-            let ends = probe(self.order(), masses, 40, &mut |x, y| {
-                products.apply(x, y);
-                divide(y, masses);
-            });
+            let ends = probe(self.order(), masses, 40, &mut scaled_products(products, masses));
             guess = Some(ends.map(|[low, _]| (low.value, low.residual))?);
         }
         let near = NEAR_ZERO * self.norm;
@@ -293,7 +290,6 @@ impl<'a> ShiftInvert<'a> {
         }
         let (value, residual) = guess?;
         let mut distance = residual.max(0.02 * value.abs()).max(near);
-        // From a millionth of ‖A‖ to far beyond.
         for _ in 0..60 {
             if self.is_floor(value - distance) {
                 return Some(value - distance);
@@ -303,8 +299,7 @@ impl<'a> ShiftInvert<'a> {
         None
     }
 
-    /// The pairs nearest to σ, above it or on both sides, ascending or nearest to zero first, with the factor of `A − σM` and from pairs found
-    /// before. Random vectors join as long as there are fewer pairs, or fewer below an edge than are due.
+    /// The pairs nearest to σ, above it or on both sides, ascending, with the factor of `A − σM` and from pairs found before. Random vectors join as long as there are fewer pairs, or fewer below an edge than are due.
     fn search(
         &mut self,
         end: End,
@@ -357,7 +352,7 @@ impl<'a> ShiftInvert<'a> {
             }
             pairs.push(eigenpair(pencil, image));
         }
-        pairs.sort_by(|a, b| end.rank(a.value).total_cmp(&end.rank(b.value)));
+        pairs.sort_by(|a, b| a.value.total_cmp(&b.value));
         pairs
     }
 }
@@ -383,14 +378,7 @@ fn dense(pencil: &Pencil<'_>, wanted: usize) -> Option<Vec<Eigenpair>> {
     Some(pairs)
 }
 
-/// The tolerance for a value without its vector.
 const RESOLVED: Tolerance = Tolerance { of_value: 0.0, of_norm: 1e-4 };
-
-fn divide(y: &mut [f64], masses: Option<&[f64]>) {
-    if let Some(masses) = masses {
-        y.iter_mut().zip(masses).for_each(|(y, mass)| *y /= mass);
-    }
-}
 
 /// The Rayleigh quotient of a vector with its residual; the vector is scaled to `xᵀMx = 1`.
 pub(crate) fn eigenpair(pencil: &Pencil<'_>, mut vector: Vec<f64>) -> Eigenpair {
@@ -400,8 +388,7 @@ pub(crate) fn eigenpair(pencil: &Pencil<'_>, mut vector: Vec<f64>) -> Eigenpair 
     };
     let length = dot(&vector, &weighted(&vector)).sqrt();
     vector.iter_mut().for_each(|x| *x /= length);
-    let mut rest = vec![0.0; vector.len()];
-    pencil.a.apply(&vector, &mut rest);
+    let mut rest = product(pencil.a, &vector);
     let value = dot(&vector, &rest);
     rest.iter_mut().zip(weighted(&vector)).for_each(|(r, x)| *r -= value * x);
     let mut scaled = rest.clone();

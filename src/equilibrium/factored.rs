@@ -67,7 +67,6 @@ impl Search<'_> {
             }
             shift *= growth;
         }
-        // A matrix of no numbers: downhill.
         Ok((self.force.clone(), false))
     }
 
@@ -85,14 +84,12 @@ impl Search<'_> {
         Ok((self.matrices.k().scaled(-1.0), dropped))
     }
 
-    /// Factors a matrix; false where it is not positive definite.
     pub(super) fn factor(&mut self, a: &SymmetricMatrix) -> bool {
         let Solver::Factored(cholesky) = &mut self.solver else { return false };
         self.work.factorizations += 1;
         cholesky.factor(a).is_ok()
     }
 
-    /// `A⁻¹ f` with the matrix that was factored.
     pub(super) fn solve(&mut self) -> Vec<f64> {
         let mut step = self.force.clone();
         if let Solver::Factored(cholesky) = &mut self.solver {

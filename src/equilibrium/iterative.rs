@@ -109,7 +109,6 @@ impl Search<'_> {
         Ok(pairs.into_iter().map(|pair| eigenpair(&Pencil::of(a), pair.vector)).collect())
     }
 
-    /// The signs of the eigenvalues that are found; all others are taken for positive.
     pub(super) fn signs_found(&mut self, a: &SymmetricMatrix, band: f64) -> Result<Signs> {
         let found = self.lowest_found(a)?;
         let negative = found.iter().filter(|pair| pair.value < -band).count();

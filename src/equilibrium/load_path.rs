@@ -15,15 +15,14 @@
 use super::search::SINGULAR;
 use super::{Equilibrium, EquilibriumOptions, Stability, equilibrium, loads};
 use crate::assembly::SymmetricMatrix;
-use crate::eigen::Pencil;
+use crate::eigen::{Pencil, product};
 use crate::error::{Invalid, Result};
 use crate::integrate::Matrices;
 use crate::linear::{Ldlt, dot, norm};
-use crate::operator::LinearOperator;
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use faer::Par;
-use nalgebra::Vector3;
+use nalgebra::DVector;
 
 /// The kind of a critical load.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,27 +88,27 @@ pub fn load_path(system: &System, state: &State, count: usize) -> Result<LoadPat
     let mut result = LoadPath { steps: vec![(0.0, first)], critical: Vec::new(), linear_buckling };
     for step in 1..=count {
         let target = step as f64 / count as f64;
-        // At most twenty critical loads.
         for _ in 0..20 {
-            let (factor, from) = result.steps[result.steps.len() - 1].clone();
+            let (_, from) = &result.steps[result.steps.len() - 1];
             if matches!(from.stability, Stability::None | Stability::NotConverged) {
                 return Ok(result);
             }
-            let (critical, (beyond, after)) = path.advance((factor, from), target)?;
+            let (critical, mut after) = path.advance(from.clone(), target)?;
             let Some(critical) = critical else {
-                result.steps.push((beyond, after));
+                result.steps.push((after.load, after));
                 break;
             };
             // Nearer to each other than they are located they are one: the last step before a limit point, which is steep there, and that over it.
             let _ = result.critical.pop_if(|before| critical.factor - before.factor <= 2.0 * LOCATED);
             result.critical.push(critical);
             // Just beyond a limit point little drives the search; under the load of the step it arrives.
-            let (beyond, after) = match after.stability {
-                Stability::NotConverged => (target, path.settled(target, &after.state)?),
-                _ => (beyond, after),
-            };
-            result.steps.push((beyond, after));
-            if beyond >= target {
+            if after.stability == Stability::NotConverged {
+                let options = EquilibriumOptions { load: target, ..EquilibriumOptions::default() };
+                after = equilibrium(system, &after.state, options)?;
+            }
+            let is_done = after.load >= target;
+            result.steps.push((after.load, after));
+            if is_done {
                 break;
             }
         }
@@ -130,10 +129,6 @@ impl Path<'_> {
         equilibrium(self.system, from, options)
     }
 
-    fn settled(&self, load: f64, from: &State) -> Result<Equilibrium> {
-        equilibrium(self.system, from, EquilibriumOptions { load, ..EquilibriumOptions::default() })
-    }
-
     /// Whether the distance of two equilibria is more than a small part of all coordinates together.
     fn is_jump(&self, from: &Equilibrium, to: &Equilibrium) -> bool {
         let pairs = from.state.positions.iter().zip(&to.state.positions);
@@ -150,13 +145,13 @@ impl Path<'_> {
 
     /// The slope `dx/dλ = (−K)⁻¹ p` of the path on the free degrees of freedom; `None` where −K is singular. Free motions, along which no load acts,
     /// are shifted off zero.
-    fn tangent(&self, at: &Equilibrium) -> Result<Option<Vec<f64>>> {
+    fn tangent(&self, at: &Equilibrium) -> Result<Option<DVector<f64>>> {
         let mut a = self.stiffness(&at.state, Stiffness::Full)?;
         if at.inertia.zero > 0 {
             let norm = Pencil::of(&a).norm();
             a.shift(SINGULAR * norm);
         }
-        Ok(a.ldlt().ok().and_then(|mut factored| factored.solve(&self.load).ok()))
+        Ok(a.ldlt().ok().and_then(|mut factored| factored.solve(&self.load).ok()).map(DVector::from_vec))
     }
 
     /// Whether the path leads from one equilibrium to another: the inertia is the same, and the secant agrees with the tangents at both ends,
@@ -168,7 +163,7 @@ impl Path<'_> {
     /// On a smooth path what is left over the length falls with the square of the step, and the turn of the tangent with the step. A step onto
     /// another branch does not become shorter, and agrees with no tangents: just below a limit point the tangent alone may be as long as the jump,
     /// but turns by twice that. Where there is no tangent the inertia alone tells.
-    fn leads(&self, [low, high]: [f64; 2], from: &Equilibrium, to: &Equilibrium) -> Result<bool> {
+    fn leads(&self, from: &Equilibrium, to: &Equilibrium) -> Result<bool> {
         if to.stability == Stability::NotConverged || to.inertia.negative != from.inertia.negative {
             return Ok(false);
         }
@@ -176,44 +171,42 @@ impl Path<'_> {
             return Ok(true);
         }
         let (Some(before), Some(after)) = (self.tangent(from)?, self.tangent(to)?) else { return Ok(true) };
-        let moved: Vec<Vector3<f64>> =
-            to.state.positions.iter().zip(&from.state.positions).map(|(to, from)| to - from).collect();
-        let secant = self.system.dofs().reduced(&moved);
-        let along = before.iter().zip(&after).map(|(before, after)| 0.5 * (high - low) * (before + after));
-        let left: Vec<f64> = secant.iter().zip(along).map(|(secant, along)| secant - along).collect();
-        let turn: Vec<f64> = before.iter().zip(&after).map(|(before, after)| (high - low) * (after - before)).collect();
-        Ok(norm(&left) <= TURN * norm(&secant) && norm(&turn) <= norm(&secant))
+        let place = |at: &Equilibrium| DVector::from_vec(self.system.dofs().reduced(&at.state.positions));
+        let (secant, rise) = (place(to) - place(from), to.load - from.load);
+        let left = &secant - (&before + &after) * (0.5 * rise);
+        let turn = (after - before) * rise;
+        let [secant, left, turn] = [secant, left, turn].map(|vector| norm(vector.as_slice()));
+        Ok(left <= TURN * secant && turn <= secant)
     }
 
-    /// Follows the path from an equilibrium to a load, or to the first critical load before it: that load, and the factor that was reached with the
-    /// equilibrium there, beyond the critical load. Steps that do not lead on are halved.
-    fn advance(&self, start: (f64, Equilibrium), target: f64) -> Result<(Option<CriticalLoad>, (f64, Equilibrium))> {
-        let factor = start.0;
-        let last = self.at(target, &start.1.state)?;
+    /// Follows the path from an equilibrium to a load, or to the first critical load before it: that load, and the equilibrium that was reached,
+    /// beyond the critical load. Steps that do not lead on are halved.
+    fn advance(&self, start: Equilibrium, target: f64) -> Result<(Option<CriticalLoad>, Equilibrium)> {
+        let factor = start.load;
+        let last = self.at(target, &start.state)?;
         // Motions that were free without a load have a direction now: what hangs has fallen, and no equilibrium led there. Under a load a motion
         // without stiffness is a critical one.
-        if factor == 0.0 && last.inertia.zero < start.1.inertia.zero {
-            return Ok((None, (target, last)));
+        if factor == 0.0 && last.inertia.zero < start.inertia.zero {
+            return Ok((None, last));
         }
-        let mut ahead = vec![(target, last)];
+        let mut ahead = vec![last];
         let mut low = start;
-        while let Some((load, found)) = ahead.pop() {
-            if self.leads([low.0, load], &low.1, &found)? {
-                low = (load, found);
+        while let Some(found) = ahead.pop() {
+            if self.leads(&low, &found)? {
+                low = found;
                 continue;
             }
-            if load - low.0 > LOCATED {
-                let middle = 0.5 * (low.0 + load);
-                ahead.push((load, found));
-                ahead.push((middle, self.at(middle, &low.1.state)?));
+            if found.load - low.load > LOCATED {
+                let middle = self.at(0.5 * (low.load + found.load), &low.state)?;
+                ahead.extend([found, middle]);
                 continue;
             }
             // It may have been found from farther away.
-            let high = (load, self.at(load, &low.1.state)?);
-            let changes = high.1.inertia.negative != low.1.inertia.negative;
-            let jumped = high.1.stability == Stability::NotConverged || self.is_jump(&low.1, &high.1);
+            let high = self.at(found.load, &low.state)?;
+            let changes = high.inertia.negative != low.inertia.negative;
+            let jumped = high.stability == Stability::NotConverged || self.is_jump(&low, &high);
             if changes || jumped {
-                return Ok((Some(self.critical(factor, low, high.0, jumped)?), high));
+                return Ok((Some(self.critical(factor, low, high.load, jumped)?), high));
             }
             low = high;
         }
@@ -221,14 +214,13 @@ impl Path<'_> {
     }
 
     /// The critical load just above an equilibrium and below another factor, on a path from a first factor.
-    fn critical(&self, factor: f64, low: (f64, Equilibrium), high: f64, jumped: bool) -> Result<CriticalLoad> {
-        let mut factor_found = 0.5 * (low.0 + high);
-        let (mut value, mut direction) = self.softest(&low.1.state)?;
-        let mut state = low.1.state;
+    fn critical(&self, factor: f64, low: Equilibrium, high: f64, jumped: bool) -> Result<CriticalLoad> {
+        let mut factor_found = 0.5 * (low.load + high);
+        let (mut value, mut direction) = self.softest(&low.state)?;
+        let mut state = low.state;
         if !jumped {
             // The inertia changes where the eigenvalue is below the band of zeros; the load at which it is zero, by secants.
-            let mut other = low.0 - 1e-3 * (low.0 - factor);
-            // Some four are needed.
+            let mut other = low.load - 1e-3 * (low.load - factor);
             for _ in 0..10 {
                 let found = self.at(other, &state)?.state;
                 let (there, its) = self.softest(&found)?;
@@ -257,9 +249,7 @@ impl Path<'_> {
                 direction.iter_mut().for_each(|u| *u /= length);
             }
         }
-        let mut product = vec![0.0; direction.len()];
-        a.apply(&direction, &mut product);
-        Ok((dot(&direction, &product), direction))
+        Ok((dot(&direction, &product(&a, &direction)), direction))
     }
 
     /// The smallest λ up to 1e6 at which `K_a + λ K_g` is singular.
@@ -267,7 +257,6 @@ impl Path<'_> {
         if self.load.iter().all(|f| *f == 0.0) || rest.stability != Stability::Stable {
             return Ok(None);
         }
-        // So little of the load that tensions are linear in it.
         let small = 1e-6;
         let little = self.at(small, &rest.state)?;
         let axial = self.stiffness(&little.state, Stiffness::Axial)?;
@@ -276,7 +265,7 @@ impl Path<'_> {
         let mut is_positive = |factor: f64| {
             let part = factor / small;
             let a = axial.scaled(1.0 - part).plus(&full.scaled(part));
-            factorization.factor(&a).is_ok() && factorization.pivots().all(|(_, d)| d > 0.0)
+            factorization.factor(&a).is_ok() && factorization.is_positive()
         };
         if !is_positive(0.0) {
             return Ok(None);

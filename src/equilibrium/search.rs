@@ -30,7 +30,6 @@ use std::collections::VecDeque;
 /// A shift that is rounding, as a part of ‖K‖.
 pub(super) const SINGULAR: f64 = 1e-10;
 
-/// The residual below which a search is near an equilibrium.
 pub(super) const NEAR: f64 = 1e-3;
 
 const HALVINGS: usize = 50;
@@ -124,7 +123,6 @@ impl<'s> Search<'s> {
         self.energy = elastic - self.work_of_loads();
     }
 
-    /// `Σ f·x` of weight and loads.
     fn work_of_loads(&self) -> f64 {
         self.loads.iter().zip(&self.state.positions).map(|(f, x)| f.dot(x)).sum()
     }
@@ -290,8 +288,8 @@ impl<'s> Search<'s> {
         let Solver::Factored(cholesky) = &self.solver else { return self.signs_found(&a, band) };
         let mut factorization = Ldlt::sharing(cholesky)?;
         let mut counts = ShiftInvert::new(Pencil::of(&a), &mut factorization, &mut self.work);
-        // A pivot that vanishes at one shift does not at another; what cannot be counted is not told from zero.
-        let mut below = |shift: f64| (0..8).find_map(|k| counts.below(shift * (1.0 + 0.01 * f64::from(k))));
+        // What cannot be counted is not told from zero.
+        let mut below = |shift: f64| counts.below_about(shift).map(|(count, _)| count);
         let (negative, not_positive) = (below(-band).unwrap_or(0), below(band).unwrap_or(order));
         Ok(Signs { negative, zero: not_positive.saturating_sub(negative), positive: order - not_positive })
     }
@@ -334,7 +332,6 @@ impl<'s> Search<'s> {
         let mut length = 0.1 * self.size() / largest(direction);
         for _ in 0..HALVINGS {
             for sign in [1.0, -1.0] {
-                // Of second order in the length, so that short moves are lost in rounding.
                 if self.place(&start, sign * length, direction) && self.energy - energy < -f64::EPSILON * self.terms() {
                     return true;
                 }

@@ -2,6 +2,7 @@
 
 use super::parameters::{Point, turning_adjoint};
 use crate::assembly::SymmetricMatrix;
+use crate::eigen::{Pencil, product};
 use crate::error::{Error, Result};
 use crate::force::{SpringGeometry, add_damping_differential, add_damping_product, add_elastic_differential};
 use crate::integrate::Matrices;
@@ -37,7 +38,6 @@ impl<'s> Jacobian<'s> {
         Ok(Self { system, matrices, ldlt, a, geometry, velocities: Vec::new(), size: 0.0, is_factored: false })
     }
 
-    /// Linearises forces at a state.
     pub(super) fn linearise(&mut self, at: &State) -> Result<()> {
         self.geometry.update(self.system, at)?;
         self.velocities.clone_from(&at.velocities);
@@ -53,7 +53,7 @@ impl<'s> Jacobian<'s> {
         self.linearise(solved)?;
         self.matrices.update(solved, Stiffness::Full)?;
         self.a = self.matrices.a(tau)?;
-        self.size = self.a.norm_inf(&mut vec![0.0; self.a.order()]);
+        self.size = Pencil::of(&self.a).norm();
         self.is_factored = self.ldlt.factor(&self.a).is_ok();
         Ok(())
     }
@@ -114,7 +114,6 @@ impl<'s> Jacobian<'s> {
         if size == 0.0 {
             return Some(x);
         }
-        // Another correction pays where it halves the defect.
         for _ in 0..if self.is_factored { 40 } else { 0 } {
             let mut correction = rest;
             self.ldlt.substitute_columns(b.len(), &mut correction);
@@ -135,8 +134,7 @@ impl<'s> Jacobian<'s> {
     }
 
     pub(super) fn defect(&self, b: &[f64], x: &[f64], is_transposed: bool) -> Vec<f64> {
-        let mut product = vec![0.0; b.len()];
-        self.a.apply(x, &mut product);
+        let product = product(&self.a, x);
         let dofs = self.system.dofs();
         let turned = match self.system.is_damped() {
             true => dofs.reduced(&self.turned(&dofs.full(x), is_transposed)),
@@ -145,16 +143,11 @@ impl<'s> Jacobian<'s> {
         b.iter().zip(&product).zip(&turned).map(|((b, ax), dx)| b - (ax - dx)).collect()
     }
 
-    /// By a sparse factorization L U of J, for right-hand sides stored by columns.
     pub(super) fn solve_unsymmetric(&self, b: &[f64], is_transposed: bool) -> Result<Vec<f64>> {
         let dofs = self.system.dofs();
-        let mut entries: Vec<Triplet<usize, usize, f64>> = Vec::new();
-        for (row, column, value) in self.a.iter() {
-            entries.push(Triplet::new(row, column, value));
-            if row != column {
-                entries.push(Triplet::new(column, row, value));
-            }
-        }
+        let symmetric = self.a.to_coo();
+        let mut entries: Vec<_> =
+            symmetric.triplet_iter().map(|(row, column, a)| Triplet::new(row, column, *a)).collect();
         for ((_, [i, j], spring), at) in
             self.geometry.springs(self.system).filter(|((_, _, spring), _)| spring.damping > 0.0)
         {

@@ -15,7 +15,6 @@ pub(super) struct Tangents<'r, 's> {
     tangents: Vec<Tangent<'r>>,
 }
 
-/// The change of a state with one change of parameters.
 struct Tangent<'r> {
     change: &'r Parameters,
     now: StateChange,
@@ -101,7 +100,6 @@ impl<'r> Tangent<'r> {
         (self.now[0], self.accelerations) = (x, after);
     }
 
-    /// (δx̃, δṽ).
     fn base(&self, beta: f64) -> StateChange {
         let ahead = |now: &[Vector3<f64>], before: &[Vector3<f64>]| -> Vec<_> {
             now.iter().zip(before).map(|(now, before)| now + (now - before) * beta).collect()

@@ -29,7 +29,7 @@
 
 use super::inertia::{InertiaCounter, largest_at_particle};
 use super::oracle::Oracle;
-use crate::eigen::{BlockLanczos, End, Search, Tolerance, probe};
+use crate::eigen::{BlockLanczos, End, Search, Tolerance, probe, scaled_products};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, SpringGeometry};
 use crate::linear::{SOLVE_COLUMNS, dot};
@@ -73,7 +73,6 @@ pub(super) struct MatrixPencil<'s> {
 }
 
 impl<'s> MatrixPencil<'s> {
-    /// For a property under an option, which may be exchanged for others.
     pub fn new(system: &'s System, extensions: SpringGeometry, property: Property, option: Stiffness) -> Self {
         let operator = |combination| SystemOperator::new(system, &extensions, Stiffness::Full, combination);
         let (damping, operator) = (operator(Combination::DAMPING), operator(Combination::STIFFNESS));
@@ -91,7 +90,6 @@ impl<'s> MatrixPencil<'s> {
         Ok(())
     }
 
-    /// Makes the operator P(s).
     pub fn set(&mut self, s: f64) {
         let Self { property, option, .. } = *self;
         let [mu, gamma] = property.factors();
@@ -128,11 +126,9 @@ impl<'s> MatrixPencil<'s> {
 
     /// The lowest Ritz vector of `M⁻¹C` from sixty products; expects the operator at s = 0.
     fn lowest_direction(&self) -> Option<Vec<f64>> {
-        let apply = |x: &[f64], y: &mut [f64]| {
-            self.operator.apply(x, y);
-            y.iter_mut().zip(&self.masses).for_each(|(y, mass)| *y /= mass);
-        };
-        probe(self.masses.len(), Some(&self.masses), 60, &mut { apply }).map(|[low, _]| low.vector)
+        let masses = Some(&self.masses[..]);
+        let ends = probe(self.masses.len(), masses, 60, &mut scaled_products(&self.operator, masses));
+        ends.map(|[low, _]| low.vector)
     }
 
     /// `‖M^{-1/2} P(s) u‖/(2 s² ‖M^{1/2} u‖)`, at the s of the operator: about the relative distance of the root along u from the s at which P is
@@ -223,7 +219,6 @@ pub struct CriticalSteps<'s> {
     pub work: Work,
 }
 
-/// Facts about P before a search for its limit.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Facts {
     /// C has negative eigenvalues; `None` where not counted.
@@ -259,7 +254,6 @@ impl<'s> CriticalSteps<'s> {
         self.search(property, option, Facts::default())
     }
 
-    /// As [`largest_step`](Self::largest_step), with known facts.
     pub(super) fn search(&mut self, property: Property, option: Stiffness, known: Facts) -> LargestStep {
         if known.curves_downwards == Some(false) {
             return LargestStep::Every;
@@ -272,7 +266,6 @@ impl<'s> CriticalSteps<'s> {
         if self.pencil.operator.blocks().iter().all(is_none) {
             return LargestStep::Every;
         }
-        // Above this P(s) is definite for certain.
         let mut accepted = self.pencil.surely_definite().min(known.definite_from.unwrap_or(f64::INFINITY));
         let mut bound = Bound { s: 0.0, rounding: 4.0 * f64::EPSILON };
         let mut u = known.direction.unwrap_or_default();
@@ -288,7 +281,6 @@ impl<'s> CriticalSteps<'s> {
             return LargestStep::Every;
         }
         let mut margin = self.shortfall(bound, &u);
-        // Bisection alone ends in 64 halvings.
         for _ in 0..100 {
             // Rounding may lift a root above an accepted s.
             bound.s = bound.s.min(accepted);
@@ -357,7 +349,6 @@ impl<'s> CriticalSteps<'s> {
         self.oracle.is_definite(&self.pencil.operator, &mut self.work)
     }
 
-    /// C has negative eigenvalues, by a count.
     pub(super) fn curves_downwards(&mut self) -> bool {
         self.pencil.set(0.0);
         self.oracle.matrix.refill(&self.pencil.operator);

@@ -11,10 +11,10 @@
 //! shares of all springs add up to 1, those of the culprits to more where other springs resist. Dropping one spring's transverse term changes the
 //! curvature along u from λ to `λ − k(1/l0 − 1/l)‖Pw‖²`, an upper bound for the new lowest eigenvalue.
 
-use crate::eigen::Eigenpair;
+use crate::eigen::{Eigenpair, product};
 use crate::force::SpringGeometry;
 use crate::linear::dot;
-use crate::operator::{Combination, LinearOperator, SystemOperator};
+use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::System;
 use nalgebra::Vector3;
@@ -63,9 +63,7 @@ pub struct Direction {
 pub fn direction(system: &System, extensions: &SpringGeometry, option: Stiffness, pair: &Eigenpair) -> Direction {
     let dofs = system.dofs();
     let k = SystemOperator::new(system, extensions, option, Combination::STIFFNESS);
-    let mut product = vec![0.0; dofs.len()];
-    k.apply(&pair.vector, &mut product);
-    let stiffness_curvature = -dot(&pair.vector, &product);
+    let stiffness_curvature = -dot(&pair.vector, &product(&k, &pair.vector));
     let mut culprits = Vec::new();
     if stiffness_curvature < 0.0 {
         for ((spring, particles, parameters), at) in extensions.springs(system) {
@@ -125,8 +123,9 @@ pub fn clusters(directions: &[Direction]) -> Vec<Cluster> {
     let mut clusters: Vec<Cluster> = Vec::new();
     for (culprit, eigenvalue) in found {
         let touches = |cluster: &Cluster| culprit.particles.iter().any(|p| cluster.particles.contains(p));
-        let (touched, mut apart): (Vec<Cluster>, Vec<Cluster>) = clusters.into_iter().partition(touches);
-        let mut joined = Cluster { springs: Vec::new(), particles: Vec::new(), eigenvalue, strain: culprit.strain };
+        let (touched, apart): (Vec<Cluster>, Vec<Cluster>) = clusters.into_iter().partition(touches);
+        let (particles, strain) = (culprit.particles.to_vec(), culprit.strain);
+        let mut joined = Cluster { springs: Vec::new(), particles, eigenvalue, strain };
         for cluster in touched {
             joined.springs.extend(cluster.springs);
             joined.particles.extend(cluster.particles);
@@ -134,11 +133,10 @@ pub fn clusters(directions: &[Direction]) -> Vec<Cluster> {
             joined.strain = joined.strain.min(cluster.strain);
         }
         joined.springs.push(culprit.spring);
-        joined.particles.extend(culprit.particles);
         joined.particles.sort_unstable();
         joined.particles.dedup();
-        apart.push(joined);
         clusters = apart;
+        clusters.push(joined);
     }
     clusters.sort_by(|a, b| a.eigenvalue.total_cmp(&b.eigenvalue).then(a.springs.cmp(&b.springs)));
     clusters

@@ -19,7 +19,7 @@ use super::culprits::direction;
 use super::inertia::{Inertia, largest_at_particle};
 use super::inspection::{FirstAnswer, Inspection, Part, SkipReason, examined_first};
 use super::spectrum::{ROUNDING, Spectrum};
-use crate::eigen::{BlockLanczos, Eigenpair, End, Search, Tolerance, multigrid_for};
+use crate::eigen::{BlockLanczos, Eigenpair, End, Search, Tolerance, multigrid_for, scaled_products};
 use crate::error::Result;
 use crate::force::SpringGeometry;
 use crate::memory;
@@ -39,7 +39,6 @@ impl Inspection {
         why: SkipReason,
         observer: &mut dyn FnMut(f64, &Self),
     ) -> Result<Self> {
-        // Two bases of 26 vectors, multigrid beside them, and other vectors.
         memory::ensure(800 * system.dofs().len() as u64, "an estimate of eigenvalues")?;
         let extensions = SpringGeometry::at(system, state)?;
         let mut found = Self::unknown(system, &extensions, dt, option, why);
@@ -123,7 +122,7 @@ fn spectrum(
     work: &mut Work,
 ) -> Spectrum {
     let n = a.order();
-    let mut apply = |x: &[f64], y: &mut [f64]| x.chunks(n).zip(y.chunks_mut(n)).for_each(|(x, y)| a.apply(x, y));
+    let mut apply = scaled_products(a, None);
     let search = |end, block| Search { end, wanted: 1, block, capacity: 16 };
     let tolerance = Tolerance { of_value: 1e-3, of_norm: 0.0 };
     let mut high = BlockLanczos::new(n, None, search(End::Highest, 1), 3);
@@ -156,7 +155,6 @@ fn proven_floor(a: &SystemOperator<'_>) -> f64 {
     if a.has_no_negative_block() { a.mass_factor() * a.system().free_masses()[0] } else { f64::NEG_INFINITY }
 }
 
-/// An upper bound for λ_max.
 fn proven_ceiling(a: &SystemOperator<'_>) -> f64 {
     let highest = |block: &SpringBlock, _| 2.0 * block.axial.max(block.transverse).max(0.0);
     largest_at_particle(a, |mass| a.mass_factor() * mass, |block| block.norm(), highest, |sum, _| sum)

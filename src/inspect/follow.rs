@@ -55,7 +55,6 @@ impl<'s> DefinitenessWatch<'s> {
         Ok(Self { dt, pencil, oracle, direction: vec![0.0; system.dofs().len()] })
     }
 
-    /// At a state: the matrix can be factored, and is positive definite.
     fn factor(&mut self, state: &State) -> Result<[bool; 2], DegenerateSpring> {
         self.pencil.update(state)?;
         self.pencil.set(self.dt.recip());

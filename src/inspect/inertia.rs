@@ -21,7 +21,7 @@
 //! the same count.
 
 use crate::assembly::{BlockPattern, SymmetricMatrix};
-use crate::eigen::gaussian;
+use crate::eigen::{Pencil, gaussian};
 use crate::error::Result;
 use crate::linear::{FactorKind, Factorization, PivotSigns, PivotedLdlt, Pivoting, norm};
 use crate::operator::{LinearOperator, SystemOperator};
@@ -162,7 +162,7 @@ impl InertiaCounter {
             return Inertia { factorization_error: 0.0, method: InertiaMethod::Sparse, ..undecided(0.0) };
         }
         let c = equilibrated(a);
-        let scale = c.norm_inf(&mut vec![0.0; n]);
+        let scale = Pencil::of(&c).norm();
         if !scale.is_finite() {
             return undecided(f64::INFINITY);
         }
@@ -276,7 +276,7 @@ fn unit(n: usize) -> f64 {
 pub(super) fn definite_by_blocks(operator: &SystemOperator<'_>, a: &SymmetricMatrix, mass: f64) -> Option<Inertia> {
     let (n, system) = (a.order(), operator.system());
     let floor = mass * system.free_masses()[0];
-    let is_visible = floor > 1e-9 * a.norm_inf(&mut vec![0.0; n]);
+    let is_visible = floor > 1e-9 * Pencil::of(a).norm();
     let is_definite = n > 0 && is_visible && operator.has_no_negative_block();
     let mut springs = vec![0u32; system.particles()];
     system.pairs().iter().flatten().for_each(|&end| springs[end as usize] += 1);
@@ -333,9 +333,8 @@ fn equilibrated(a: &SymmetricMatrix) -> SymmetricMatrix {
 pub(super) fn dense_signs(a: &SymmetricMatrix) -> (PivotSigns, f64) {
     let n = a.order();
     let mut dense = Mat::<f64>::zeros(n, n);
-    for (row, column, value) in a.iter() {
-        dense[(row, column)] = value;
-        dense[(column, row)] = value;
+    for (row, column, value) in a.to_coo().triplet_iter() {
+        dense[(row, column)] = *value;
     }
     let lblt = dense.lblt(Side::Lower);
     let (l, d, e) = (lblt.L(), lblt.B_diag().column_vector(), lblt.B_subdiag().column_vector());

@@ -7,7 +7,7 @@ use super::rotation_limit::Turn;
 use super::smallest_set::DropSet;
 use super::spectrum::{ROUNDING, Spectrum};
 use crate::assembly::SymmetricMatrix;
-use crate::eigen::{Eigenpair, Pencil, eigenpair, probe, unit};
+use crate::eigen::{Eigenpair, Pencil, eigenpair, probe, scaled_products, unit};
 use crate::force::SpringGeometry;
 use crate::linear::Ldlt;
 use crate::operator::LinearOperator;
@@ -152,11 +152,9 @@ pub struct Inspection {
     pub(super) par: Par,
 }
 
-/// The most directions of negative curvature that are analysed.
 pub(super) const DIRECTIONS: usize = 24;
 
 impl Inspection {
-    /// Nothing is known, for a reason.
     pub(super) fn unknown(
         system: &System,
         extensions: &SpringGeometry,
@@ -257,7 +255,6 @@ impl Inspection {
     }
 }
 
-/// All options, the examined one first.
 pub(super) fn examined_first(option: Stiffness) -> [Stiffness; 4] {
     let mut options = Stiffness::ALL;
     options.sort_by_key(|&each| each != option);
@@ -299,7 +296,7 @@ pub(super) fn quick_check(
     work: &mut Work,
 ) -> Option<FirstAnswer> {
     let n = a.order();
-    let size = a.norm_inf(&mut vec![0.0; n]);
+    let size = Pencil::of(a).norm();
     if n == 0 || !size.is_finite() {
         return None;
     }
@@ -309,7 +306,7 @@ pub(super) fn quick_check(
     };
     let is_negative = |pair: &Eigenpair| pair.value < -ROUNDING * size;
     let eigenpair = |u| eigenpair(&Pencil::of(a), u);
-    let ends = probe(n, None, 60, &mut |x: &[f64], y: &mut [f64]| products.apply(x, y));
+    let ends = probe(n, None, 60, &mut scaled_products(products, None));
     let lowest = ends.map(|[low, _]| eigenpair(low.vector));
     if let Some(pair) = lowest.as_ref().filter(|pair| is_negative(pair)) {
         return Some(answer(false, pair.clone()));

@@ -9,9 +9,9 @@ use super::inspection::{DIRECTIONS, Inspection, Part, SkipReason, examined_first
 use super::oracle::Oracle;
 use super::rotation_limit::RotationLimit;
 use super::smallest_set::{self, Trial};
-use super::spectrum::{Known, LARGEST_DENSE, spectrum_with};
+use super::spectrum::{LARGEST_DENSE, spectrum_with};
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
-use crate::eigen::Accuracy;
+use crate::eigen::{Accuracy, Pencil, ShiftInvert};
 use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
 use crate::linear::{FactorSize, Ldlt};
@@ -76,7 +76,6 @@ impl Inspection {
         parts.extend(
             [Part::Definite, Part::Stable].into_iter().flat_map(|part| order[1..].iter().map(move |&each| part(each))),
         );
-        // Drawn by [`Pictures`](super::Pictures), if it is affordable.
         parts.push(Part::Curve);
         // Under `Full` both properties coincide, see [`CriticalSteps`].
         for part in parts.into_iter().filter(|part| *part != Part::Stable(Stiffness::Full)) {
@@ -131,7 +130,6 @@ impl<'s> Inspector<'s> {
         })
     }
 
-    /// A of the step under an option, by products and by entries.
     fn matrix_of_step(&mut self, option: Stiffness) -> (SystemOperator<'s>, SymmetricMatrix) {
         let operator = SystemOperator::new(self.system, &self.extensions, option, Combination::step(self.found.dt));
         let a = self.assembled(&operator);
@@ -152,11 +150,9 @@ impl<'s> Inspector<'s> {
         Facts { curves_downwards: is_counted.then_some(self.found.growing_modes > 0), direction, definite_from }
     }
 
-    /// Inspects a part; returns `false` where it costs too much.
     fn inspect(&mut self, part: Part) -> Result<bool> {
         let known = match part {
             Part::SmallestSet => self.found.options[0].inertia.is_definite(),
-            // Decided by the springs' blocks.
             Part::Definite(Stiffness::Tension | Stiffness::Axial | Stiffness::Absolute) => true,
             _ => false,
         };
@@ -252,15 +248,15 @@ impl<'s> Inspector<'s> {
             true => (inertia.negative.clamp(1, 6), Accuracy::CERTIFIED),
             false => (inertia.negative.clamp(12, DIRECTIONS), Accuracy::FULL),
         };
-        // See `definite_by_blocks`.
         let floor = match inertia.method {
             InertiaMethod::Springs => operator.mass_factor() * self.system.free_masses()[0],
             _ => f64::NEG_INFINITY,
         };
-        let is_factored = self.factored == Some(option);
-        let mut known = Known { products: &operator, is_factored, floor, accuracy };
-        let spectrum = spectrum_with(&mut self.factorization, &a, &inertia, wanted, &mut known, &mut self.work);
-        self.factored = known.is_factored.then_some(option);
+        let pencil = Pencil { products: &operator, ..Pencil::of(&a) };
+        let mut search = ShiftInvert::new(pencil, &mut self.factorization, &mut self.work);
+        (search.is_factored, search.within[0]) = (self.factored == Some(option), floor);
+        let spectrum = spectrum_with(&mut search, &inertia, wanted, accuracy);
+        self.factored = search.is_factored.then_some(option);
         self.found.options[option as usize].set_spectrum(&spectrum);
         if is_examined {
             self.found.examine(self.system, &self.extensions, spectrum);
@@ -273,14 +269,14 @@ fn is_covered(part: Part, by: Part) -> bool {
     part == by || [part, by] == [Part::Stable(Stiffness::Full), Part::Definite(Stiffness::Full)]
 }
 
-/// Operations of a factorization and of a search for eigenvalues besides its factorizations; those that are left and spent, and those of everything
-/// within the budget.
+/// Operations of a factorization and of a search for eigenvalues besides its factorizations; those that may be spent, those that are, and those of
+/// everything within the budget.
 #[derive(Debug, Clone, PartialEq)]
 struct Budget {
     factorization: f64,
     search: f64,
     rows: f64,
-    left: f64,
+    most: f64,
     spent: f64,
     whole: f64,
 }
@@ -294,7 +290,7 @@ impl Budget {
         // A step of a search solves for eight columns, and makes each orthogonal to some fifty vectors, twice; there are 25 steps.
         let step = SLOW * (4.0 * 8.0 * entries + 6000.0 * rows);
         let (factorization, search) = (size.flops + SLOW * entries, 25.0 * step);
-        let mut budget = Self { factorization, search, rows, left: most, spent: 0.0, whole: 0.0 };
+        let mut budget = Self { factorization, search, rows, most, spent: 0.0, whole: 0.0 };
         budget.whole = Part::all().map(|part| budget.cost(part)).sum::<f64>().min(most);
         budget
     }
@@ -313,18 +309,15 @@ impl Budget {
             Part::SmallestSet => 6.0 * factorization,
             Part::Spectrum(_) => eigenvalues(2.0),
             Part::Definite(_) | Part::Stable(_) => 6.0 * factorization + 2.0 * search,
-            // The points of the curve.
             Part::Curve => 51.0 * eigenvalues(1.0),
         }
     }
 
-    /// Spends the cost of a part and returns `true`, unless less is left.
     fn affords(&mut self, part: Part) -> bool {
-        let cost = self.cost(part);
-        let is_affordable = cost <= self.left;
+        let spent = self.spent + self.cost(part);
+        let is_affordable = spent <= self.most;
         if is_affordable {
-            self.left -= cost;
-            self.spent += cost;
+            self.spent = spent;
         }
         is_affordable
     }

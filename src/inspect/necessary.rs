@@ -15,7 +15,6 @@
 
 use crate::assembly::SpringPattern;
 use crate::operator::SystemOperator;
-use crate::system::Dof;
 use nalgebra::{Cholesky, DMatrix, Matrix3};
 
 /// A column of `N_s`: rows and values.
@@ -24,7 +23,6 @@ pub(super) type Column = Vec<(usize, f64)>;
 /// 1, and what is above rounding for matrices of so few rows.
 pub(super) const NECESSARY: f64 = 1.000000001;
 
-/// The criterion of necessary springs.
 pub(super) struct Necessity<'a, 's> {
     /// `A_T`.
     pub operator: &'a SystemOperator<'s>,
@@ -82,15 +80,11 @@ impl<'a, 's> Necessity<'a, 's> {
             |(k, &p): (usize, &usize)| dofs.free_axes(p).iter().map(move |axis| 3 * k + axis).collect::<Vec<_>>();
         let rows: Vec<usize> = patch.iter().enumerate().flat_map(free).collect();
         let Some(factored) = Cholesky::new(whole.select_rows(&rows).select_columns(&rows)) else { return 0.0 };
-        let place = |row: usize| {
-            let Dof { particle, axis } = dofs.dof(row);
-            let k = patch.iter().position(|&p| p == particle)?;
-            rows.iter().position(|&row| row == 3 * k + axis)
-        };
+        let of_system: Vec<usize> = patch.iter().flat_map(|&p| dofs.rows(p)).collect();
         let mut n = DMatrix::zeros(rows.len(), columns.len());
         for (c, column) in columns.iter().enumerate() {
             for &(row, value) in column {
-                let Some(place) = place(row) else { return 0.0 };
+                let Some(place) = of_system.iter().position(|&other| other == row) else { return 0.0 };
                 n[(place, c)] = value;
             }
         }

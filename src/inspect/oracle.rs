@@ -34,7 +34,6 @@ impl Oracle {
         self.factorization.factor(self.matrix.matrix())
     }
 
-    /// Whether the matrix of an operator is positive definite, to rounding: `P = L D Lᵀ` with D > 0.
     pub fn is_definite(&mut self, operator: &SystemOperator, work: &mut Work) -> bool {
         self.factor(operator, work).is_ok() && self.factorization.is_positive()
     }

@@ -4,7 +4,6 @@ use super::inertia::Inertia;
 use super::inspection::{Inspection, Part, SkipReason};
 use super::spectrum::{LARGEST_DENSE, smallest_eigenvalue};
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
-use crate::eigen::Accuracy;
 use crate::error::Result;
 use crate::figure::{Axis, Drawing, Guide, Look, Plot, Series, Spy};
 use crate::force::SpringGeometry;
@@ -100,7 +99,6 @@ fn scene(system: &System, state: &State, inspection: &Inspection) -> Drawing {
     }
 }
 
-/// The spring that spoils or softens A most, in a sentence.
 fn blame(inspection: &Inspection) -> String {
     let Some(lowest) = inspection.directions.first() else { return "No coordinate is free to move.".into() };
     let Some(worst) = lowest.culprits.first() else {
@@ -143,13 +141,12 @@ fn curve_of(
         let mut values = Vec::with_capacity(points);
         for dt in steps.clone() {
             let a = matrix(option, dt);
-            let scaled = smallest_eigenvalue(factorization, &a, Accuracy::CERTIFIED, &mut work) * dt * dt / lightest;
+            let scaled = smallest_eigenvalue(factorization, &a, &mut work) * dt * dt / lightest;
             // The curve begins at 1; what matters lies between that and zero.
             if scaled > 3.0 {
                 break;
             }
             values.push((dt, scaled.max(-1.0)));
-            // Once below zero λ_min stays there.
             if scaled < -1.0 {
                 break;
             }

@@ -251,7 +251,6 @@ impl<'s> RotationLimit<'s> {
         true
     }
 
-    /// Takes over the factorization of A for a step of this length under an option.
     pub(super) fn take_over(&mut self, option: Stiffness, dt: f64, factorization: &mut Ldlt) {
         std::mem::swap(&mut self.oracle.factorization, factorization);
         self.factored = Some((option, dt));
@@ -263,7 +262,6 @@ impl<'s> RotationLimit<'s> {
         self.limit_and_worst(option, dt).0
     }
 
-    /// The longest step, and the spring that dt itself rotates worst.
     pub(super) fn limit_and_worst(&mut self, option: Stiffness, dt: f64) -> (LargestStep, Option<Turn>) {
         let excess = |worst: Option<Turn>| worst.map_or(f64::NEG_INFINITY, |turn| turn.excess().ln());
         let worst = self.worst(option, dt);

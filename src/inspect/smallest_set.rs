@@ -110,7 +110,6 @@ pub(super) fn search(mut trial: Trial<'_>, negative: usize, counter: &mut Inerti
     }
 }
 
-/// A search among so many springs is affordable, with a factor of so many entries: always for a few, and never where the dense matrix is too large.
 fn is_affordable(springs: usize, entries: usize) -> bool {
     springs <= ((MOST_MULTIPLICATIONS / (4.0 * entries as f64)) as usize).clamp(32, 500)
 }
@@ -134,7 +133,6 @@ pub(super) struct Trial<'s> {
 }
 
 impl<'s> Trial<'s> {
-    /// For a step of length dt, with an analysed pattern.
     pub fn new(system: &'s System, extensions: &'s SpringGeometry, dt: f64, oracle: Oracle) -> Self {
         let combination = Combination::step(dt);
         let operator = SystemOperator::new(system, extensions, Stiffness::Full, combination);
@@ -175,7 +173,6 @@ impl<'s> Trial<'s> {
         let mut others: Vec<usize> = (0..options.len()).filter(is_new).collect();
         others.sort_by(|&a, &b| terms[b].need.total_cmp(&terms[a].need).then(a.cmp(&b)));
         let mut local = [necessary, &others].concat();
-        // The wider the choice, the smaller the set.
         if local.len() > 128 {
             let (mut refused, mut accepted) = (necessary.len(), local.len());
             let mut is_factored = false;
@@ -258,9 +255,8 @@ pub enum Minimality {
 /// that would take more than `most` multiplications the search ends early, and in the end all are dropped.
 fn choose(h: &DMatrix<f64>, owners: &[usize], count: usize, most: f64) -> (Vec<usize>, Minimality) {
     let columns = |dropped: &[bool]| -> Vec<usize> { (0..owners.len()).filter(|&c| !dropped[owners[c]]).collect() };
-    let restricted = |kept: &[usize]| {
-        DMatrix::from_fn(kept.len(), kept.len(), |r, c| 0.5 * (h[(kept[r], kept[c])] + h[(kept[c], kept[r])]))
-    };
+    let symmetric = (h + h.transpose()) * 0.5;
+    let restricted = |kept: &[usize]| symmetric.select_rows(kept).select_columns(kept);
     let mut left = most;
     let mut is_definite = |dropped: &[bool]| {
         let kept = columns(dropped);

@@ -54,37 +54,20 @@ pub(super) const LARGEST_DENSE: usize = 240;
 /// A matrix that is too large to factor.
 pub fn spectrum(a: &SymmetricMatrix, inertia: &Inertia, wanted: usize, par: Par, work: &mut Work) -> Result<Spectrum> {
     work.symbolic_factorizations += 1;
-    Ok(spectrum_with(&mut Ldlt::analyse(a.pattern(), par)?, a, inertia, wanted, &mut Known::nothing(a), work))
+    let mut factorization = Ldlt::analyse(a.pattern(), par)?;
+    let mut search = ShiftInvert::new(Pencil::of(a), &mut factorization, work);
+    Ok(spectrum_with(&mut search, inertia, wanted, Accuracy::FULL))
 }
 
-pub(super) struct Known<'a> {
-    /// A, by its fastest products.
-    pub products: &'a dyn LinearOperator,
-    /// The factorization is that of A, and positive definite, before and after.
-    pub is_factored: bool,
-    /// A proven lower bound for λ_min.
-    pub floor: f64,
-    pub accuracy: Accuracy,
-}
-
-impl<'a> Known<'a> {
-    /// Nothing but the matrix.
-    pub fn nothing(a: &'a SymmetricMatrix) -> Self {
-        Self { products: a, is_factored: false, floor: f64::NEG_INFINITY, accuracy: Accuracy::FULL }
-    }
-}
-
-/// As [`spectrum`], with an analysed factorization.
+/// As [`spectrum`], by a search that may know that A is factored, and bounds of its spectrum.
 pub(super) fn spectrum_with(
-    factorization: &mut Ldlt,
-    a: &SymmetricMatrix,
+    search: &mut ShiftInvert<'_>,
     inertia: &Inertia,
     wanted: usize,
-    known: &mut Known<'_>,
-    work: &mut Work,
+    accuracy: Accuracy,
 ) -> Spectrum {
-    let n = a.order();
-    let norm = a.norm_inf(&mut vec![0.0; n]);
+    let Pencil { a, .. } = search.pencil;
+    let (n, norm) = (a.order(), search.pencil.norm());
     if n == 0 || !norm.is_finite() {
         return Spectrum::unknown();
     }
@@ -93,42 +76,34 @@ pub(super) fn spectrum_with(
     {
         return spectrum;
     }
-    let mut search = ShiftInvert::new(Pencil { products: known.products, ..Pencil::of(a) }, factorization, work);
-    search.is_factored = known.is_factored;
-    search.within[0] = if inertia.is_definite() { known.floor.max(0.0) } else { known.floor };
-    let lowest = |search: &mut ShiftInvert<'_>| search.lowest(wanted.clamp(1, n), known.accuracy);
+    if inertia.is_definite() {
+        search.within[0] = search.within[0].max(0.0);
+    }
     // The low end uses a factor of A, or leaves one.
-    let (lowest, largest) = match known.is_factored {
-        true => (lowest(&mut search), search.largest()),
-        false => {
-            let largest = search.largest();
-            (lowest(&mut search), largest)
-        }
+    let wanted = wanted.clamp(1, n);
+    let (lowest, largest) = if search.is_factored {
+        (search.lowest(wanted, accuracy), search.largest())
+    } else {
+        let largest = search.largest();
+        (search.lowest(wanted, accuracy), largest)
     };
     let smallest = lowest.first().map_or(f64::NAN, |pair| pair.value);
     let rounding = ROUNDING * norm;
     let (smallest_within, largest_within) =
         ([search.within[0], smallest + rounding], [largest - RECURRENCE * norm, search.within[1]]);
-    known.is_factored = search.is_factored;
     let nearest = match () {
         () if inertia.zero > 0 => 0.0,
         () if inertia.negative == 0 => smallest,
         () => search.nearest_to_zero(),
     };
     let condition = largest.abs().max(smallest.abs()) / nearest;
-    known.is_factored = search.is_factored;
     Spectrum { condition, lowest, largest, smallest_within, largest_within }
 }
 
-/// λ_min alone, in N/m, with an analysed factorization; NaN where A is empty or has entries that are not finite.
-pub(super) fn smallest_eigenvalue(
-    factorization: &mut Ldlt,
-    a: &SymmetricMatrix,
-    accuracy: Accuracy,
-    work: &mut Work,
-) -> f64 {
+/// λ_min alone, in N/m, certified, with an analysed factorization; NaN where A is empty or has entries that are not finite.
+pub(super) fn smallest_eigenvalue(factorization: &mut Ldlt, a: &SymmetricMatrix, work: &mut Work) -> f64 {
     let n = a.order();
-    if n == 0 || !a.norm_inf(&mut vec![0.0; n]).is_finite() {
+    if n == 0 || !Pencil::of(a).norm().is_finite() {
         return f64::NAN;
     }
     if n <= LARGEST_DENSE
@@ -136,7 +111,7 @@ pub(super) fn smallest_eigenvalue(
     {
         return eigen.eigenvalues.min();
     }
-    let pairs = ShiftInvert::new(Pencil::of(a), factorization, work).lowest(1, accuracy);
+    let pairs = ShiftInvert::new(Pencil::of(a), factorization, work).lowest(1, Accuracy::CERTIFIED);
     pairs.first().map_or(f64::NAN, |pair| pair.value)
 }
 
@@ -161,7 +136,6 @@ fn dense(a: &SymmetricMatrix, inertia: &Inertia, norm: f64) -> Option<Spectrum> 
     let sizes = || lowest.iter().map(|pair| pair.value.abs());
     let nearest = if inertia.zero > 0 { 0.0 } else { sizes().fold(f64::INFINITY, f64::min) };
     let (condition, largest) = (sizes().fold(0.0, f64::max) / nearest, lowest.last()?.value);
-    // The error of a dense method is a small multiple of n u ‖A‖.
     let rounding = 10.0 * n as f64 * f64::EPSILON * norm;
     let within = |value: f64| [value - rounding, value + rounding];
     let (smallest_within, largest_within) = (within(lowest.first()?.value), within(largest));
@@ -188,7 +162,7 @@ mod tests {
             let found = spectrum(&a, &signs(0, 0, a.dofs().len()), 1, Par::Seq, &mut work).unwrap();
             assert!(found.lowest.is_empty() && found.largest.is_nan() && found.condition.is_nan());
             let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
-            assert!(smallest_eigenvalue(&mut factorization, &a, Accuracy::FULL, &mut work).is_nan());
+            assert!(smallest_eigenvalue(&mut factorization, &a, &mut work).is_nan());
         }
         assert_eq!((work.factorizations, work.solves), (0, 0));
     }
@@ -216,10 +190,12 @@ mod tests {
                 factorization.factor(&a).unwrap();
             }
             let mut work = Work::default();
-            let mut known = Known { is_factored, floor, accuracy: Accuracy::CERTIFIED, ..Known::nothing(&a) };
-            let spectrum = spectrum_with(&mut factorization, &a, &signs(0, 0, 300), 1, &mut known, &mut work);
+            let mut search = ShiftInvert::new(Pencil::of(&a), &mut factorization, &mut work);
+            (search.is_factored, search.within[0]) = (is_factored, floor);
+            let spectrum = spectrum_with(&mut search, &signs(0, 0, 300), 1, Accuracy::CERTIFIED);
             assert!((spectrum.smallest() - 2.0).abs() < 1e-6 && (spectrum.largest - 4.0).abs() < 1e-6);
-            (work.factorizations, known.is_factored)
+            let is_factored = search.is_factored;
+            (work.factorizations, is_factored)
         };
         // Above the high end, at zero, below the low end; known facts spare the one or the other.
         assert_eq!(found(false, 0.0), (3, false));

@@ -41,7 +41,6 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// Nothing is proven.
     pub const NONE: Self = Self { above: 0.0, below: f64::INFINITY };
 }
 

@@ -9,13 +9,13 @@ use crate::system::System;
 pub(super) fn hanging(system: &System) -> Vec<Vec<usize>> {
     let graph = Graph::new(system);
     let ground = system.particles();
-    let first_pass = graph.components(std::iter::once(ground).chain(0..ground));
+    let first_pass = graph.components(0..ground);
     let mut sizes = vec![0; first_pass.above.len()];
     first_pass.of_node[..ground].iter().for_each(|&component| sizes[component] += 1);
     // From the ground, and of every body from its largest component.
     let mut starts: Vec<usize> = (0..ground).collect();
     starts.sort_by_key(|&p| std::cmp::Reverse(sizes[first_pass.of_node[p]]));
-    let components = graph.components(std::iter::once(ground).chain(starts));
+    let components = graph.components(starts);
     let mut top = vec![None; components.above.len()];
     for (component, above) in components.above.iter().enumerate() {
         top[component] = above.and_then(|above| top[above].or(Some(component)));
@@ -31,13 +31,8 @@ pub(super) fn hanging(system: &System) -> Vec<Vec<usize>> {
     parts
 }
 
-/// Particles joined by springs; those that are held in any axis are one node, the ground, which has the last number.
-struct Graph {
-    /// The first of the neighbours of each node, and one past the last.
-    first: Vec<usize>,
-    /// Springs with their other ends, node by node.
-    neighbours: Vec<(usize, usize)>,
-}
+/// Springs at each node with their other ends. Nodes are particles, and last the ground: all that are held in any axis.
+struct Graph(Vec<Vec<(usize, usize)>>);
 
 /// The components that remain without bridges. Each comes after that which it hangs from, or hangs from none.
 struct Components {
@@ -49,30 +44,26 @@ impl Graph {
     fn new(system: &System) -> Self {
         let ground = system.particles();
         let node = |p: usize| if system.dofs().rows(p).len() < system.dimension() { ground } else { p };
-        let springs = || system.active().map(|(spring, ends, _)| (spring, ends.map(node))).filter(|(_, [a, b])| a != b);
-        let mut first = vec![0; ground + 2];
-        springs().flat_map(|(_, ends)| ends).for_each(|end| first[end + 1] += 1);
-        (1..first.len()).for_each(|k| first[k] += first[k - 1]);
-        let mut next = first.clone();
-        let mut neighbours = vec![(0, 0); first[ground + 1]];
-        for (spring, [a, b]) in springs() {
-            for (from, to) in [(a, b), (b, a)] {
-                neighbours[next[from]] = (spring, to);
-                next[from] += 1;
+        let mut neighbours = vec![Vec::new(); ground + 1];
+        for (spring, ends, _) in system.active() {
+            let [a, b] = ends.map(node);
+            if a != b {
+                neighbours[a].push((spring, b));
+                neighbours[b].push((spring, a));
             }
         }
-        Self { first, neighbours }
+        Self(neighbours)
     }
 
-    /// By a search in depth, from each start that none before has reached.
-    fn components(&self, starts: impl Iterator<Item = usize>) -> Components {
+    /// By a search in depth, from the ground and then from each start that none before has reached.
+    fn components(&self, starts: impl IntoIterator<Item = usize>) -> Components {
         const NONE: usize = usize::MAX;
-        let nodes = self.first.len() - 1;
-        let mut next = self.first.clone();
+        let nodes = self.0.len();
+        let mut next = vec![0; nodes];
         // The place in the order of discovery, the least place that is reached from below, and the spring and node by which it is entered.
         let (mut place, mut low, mut entry) = (vec![NONE; nodes], vec![NONE; nodes], vec![(NONE, NONE); nodes]);
         let mut order = Vec::with_capacity(nodes);
-        for start in starts {
+        for start in std::iter::once(nodes - 1).chain(starts) {
             if place[start] != NONE {
                 continue;
             }
@@ -81,8 +72,7 @@ impl Graph {
             order.push(at);
             loop {
                 let (spring, parent) = entry[at];
-                if next[at] < self.first[at + 1] {
-                    let (along, to) = self.neighbours[next[at]];
+                if let Some(&(along, to)) = self.0[at].get(next[at]) {
                     next[at] += 1;
                     if place[to] == NONE {
                         (place[to], low[to], entry[to]) = (order.len(), order.len(), (along, at));
