@@ -20,8 +20,8 @@ mod hanging;
 
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::{
-    Accuracy, BlockLanczos, Eigenpair, End, Pencil, Search, ShiftInvert, Tolerance, enclosures, multigrid_for, product,
-    scaled_products,
+    Accuracy, BlockLanczos, Eigenpair, End, Pencil, Search, ShiftInvert, Tolerance, enclosures, multigrid_for,
+    preconditioner, product, scaled_products,
 };
 use crate::error::{Invalid, Result, check_length};
 use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
@@ -342,15 +342,7 @@ pub(crate) fn uncounted(
     let mut multigrid = build(Stiffness::Full).or_else(|| build(Stiffness::Tension));
     let products = shifted(0.0, Stiffness::Full);
     let mut apply = scaled_products(&products, Some(masses));
-    let mut weighted = vec![0.0; n];
-    let mut precondition = |r: &[f64], z: &mut [f64]| match &mut multigrid {
-        Some(multigrid) => {
-            work.multigrid_iterations += 1;
-            weighted.iter_mut().zip(r).zip(masses).for_each(|((w, r), mass)| *w = r * mass);
-            multigrid.apply(&weighted, z);
-        }
-        None => z.copy_from_slice(r),
-    };
+    let mut precondition = preconditioner(multigrid.as_mut(), Some(masses), work);
     let mut space = BlockLanczos::new(n, Some(masses), search, 5);
     space.start(rigid.iter().map(|pair| &pair.vector[..]), &mut apply);
     space.refresh(&mut apply);

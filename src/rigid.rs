@@ -5,9 +5,10 @@
 
 use crate::system::System;
 use nalgebra::{DMatrix, Matrix3, SymmetricEigen, Vector3};
+use std::collections::BTreeMap;
 
 /// Particles that springs connect, and the held particles that they are tied to.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Body {
     /// Particles with a free coordinate, ascending.
     pub particles: Vec<usize>,
@@ -20,29 +21,22 @@ pub(crate) fn bodies(system: &System) -> Vec<Body> {
     let is_free = |p: usize| !system.dofs().rows(p).is_empty();
     let joins = system.active().map(|(_, ends, _)| ends).filter(|ends| ends.iter().all(|&p| is_free(p)));
     let firsts = first_connected(system.particles(), joins);
-    let mut number = vec![usize::MAX; system.particles()];
-    let mut bodies: Vec<Body> = Vec::new();
+    let mut bodies: BTreeMap<usize, Body> = BTreeMap::new();
     for p in (0..system.particles()).filter(|&p| is_free(p)) {
-        let first = firsts[p];
-        if number[first] == usize::MAX {
-            number[first] = bodies.len();
-            bodies.push(Body { particles: Vec::new(), anchors: Vec::new() });
-        }
-        number[p] = number[first];
-        bodies[number[p]].particles.push(p);
+        bodies.entry(firsts[p]).or_default().particles.push(p);
     }
     for (_, [i, j], _) in system.active() {
         for (free, held) in [(i, j), (j, i)] {
             if is_free(free) && !is_free(held) {
-                bodies[number[free]].anchors.push(held);
+                bodies.entry(firsts[free]).or_default().anchors.push(held);
             }
         }
     }
-    for body in &mut bodies {
+    for body in bodies.values_mut() {
         body.anchors.sort_unstable();
         body.anchors.dedup();
     }
-    bodies
+    bodies.into_values().collect()
 }
 
 /// The first particle that each is connected with by pairs.
@@ -194,57 +188,47 @@ mod tests {
         assert!(firsts.iter().all(|&first| first == 0));
     }
 
+    fn built(places: &[[f64; 3]], springs: &[[usize; 2]], constraint: Constraint) -> (System, Vec<Vector3<f64>>) {
+        let mut builder = SystemBuilder::new();
+        for &x in places {
+            builder.particle(x, 2.0);
+        }
+        for &[i, j] in springs {
+            builder.spring(i, j, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        }
+        builder.constrain(constraint);
+        let (system, state) = builder.build().unwrap();
+        (system, state.positions)
+    }
+
     /// A row of particles that is held at two of them cannot move, though nothing stops its rotation about itself.
     #[test]
     fn a_row_does_not_turn_about_itself() {
+        let places = [0.0, 1.1, 2.3, 3.7].map(|place| [place, 0.5 * place, 0.25 * place]);
         for (held, motions) in [(vec![0, 1], 0), (vec![0], 2), (vec![], 5)] {
-            let mut builder = SystemBuilder::new();
-            for place in [0.0, 1.1, 2.3, 3.7] {
-                builder.particle([place, 0.5 * place, 0.25 * place], 1.0);
-            }
-            for p in 0..3 {
-                builder.spring(p, p + 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-            }
-            builder.spring(0, 3, Spring { stiffness: 1.0, rest_length: 4.0, damping: 0.0 });
-            builder.spring(1, 3, Spring { stiffness: 1.0, rest_length: 3.0, damping: 0.0 });
-            builder.constrain(Constraint::hold(held));
-            let (system, state) = builder.build().unwrap();
-            assert_eq!(rigid_motions(&system, &state.positions).len(), motions);
+            let (system, positions) = built(&places, &[[0, 1], [1, 2], [2, 3], [0, 3], [1, 3]], Constraint::hold(held));
+            assert_eq!(rigid_motions(&system, &positions).len(), motions);
         }
     }
 
     /// A triangle, a bar and a free particle, with a held particle beside: 6 + 5 + 3 motions; by constraints fewer.
     #[test]
     fn rigid_motions_are_those_that_constraints_admit() {
-        let spring = Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 };
-        let build = |constraints: &[Constraint]| {
-            let mut builder = SystemBuilder::new();
-            for x in
-                [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [5.0, 0.0, 0.0], [6.0, 0.0, 1.0], [9.0, 9.0, 9.0]]
-            {
-                builder.particle(x, 2.0);
-            }
-            for [i, j] in [[0, 1], [1, 2], [2, 0], [3, 4]] {
-                builder.spring(i, j, spring);
-            }
-            constraints.iter().for_each(|constraint| {
-                builder.constrain(constraint.clone());
-            });
-            builder.build().unwrap()
-        };
+        let places =
+            [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [5.0, 0.0, 0.0], [6.0, 0.0, 1.0], [9.0, 9.0, 9.0]];
         for (held, parts, motions) in [
-            (vec![], 3, 14),
+            (Constraint::hold([]), 3, 14),
             // Three rotations of the triangle about its corner are left.
-            (vec![Constraint::hold([0])], 3, 11),
+            (Constraint::hold([0]), 3, 11),
             // One about an edge.
-            (vec![Constraint::hold([0, 1])], 3, 9),
+            (Constraint::hold([0, 1]), 3, 9),
             // Along z only: two translations, one rotation.
-            (vec![Constraint { axes: crate::system::Axes::of(&[2]), ..Constraint::hold([0, 1, 2]) }], 3, 11),
-            (vec![Constraint::hold([5])], 2, 11),
+            (Constraint { axes: crate::system::Axes::of(&[2]), ..Constraint::hold([0, 1, 2]) }, 3, 11),
+            (Constraint::hold([5]), 2, 11),
         ] {
-            let (system, state) = build(&held);
+            let (system, positions) = built(&places, &[[0, 1], [1, 2], [2, 0], [3, 4]], held.clone());
             assert_eq!(bodies(&system).len(), parts);
-            let basis = rigid_motions(&system, &state.positions);
+            let basis = rigid_motions(&system, &positions);
             assert_eq!(basis.len(), motions, "{held:?}");
             for (k, a) in basis.iter().enumerate() {
                 for (l, b) in basis.iter().enumerate() {

@@ -35,6 +35,7 @@ pub use shift_invert::{Lowest, lowest};
 use crate::linear::{dot, norm};
 use crate::multigrid::Multigrid;
 use crate::operator::{LinearOperator, SystemOperator};
+use crate::work::Work;
 use nalgebra::{DMatrix, DMatrixView, DVector, SymmetricEigen, Vector3};
 use rand::rngs::Xoshiro256PlusPlus;
 use rand::{Rng, SeedableRng};
@@ -91,6 +92,23 @@ pub(crate) fn multigrid_for(a: &SystemOperator<'_>, positions: &[Vector3<f64>]) 
     multigrid.refill(a).ok()?;
     multigrid.rebuild(a).ok()?;
     Some(multigrid)
+}
+
+/// Multigrid for A as a preconditioner of M⁻¹A, with the diagonal of M (`None` for the identity); without it residuals stay as they are.
+pub(crate) fn preconditioner<'a>(
+    mut multigrid: Option<&'a mut Multigrid>,
+    masses: Option<&'a [f64]>,
+    work: &'a mut Work,
+) -> impl FnMut(&[f64], &mut [f64]) + 'a {
+    move |r, z| {
+        let Some(multigrid) = &mut multigrid else { return z.copy_from_slice(r) };
+        work.multigrid_iterations += 1;
+        let mut weighted = r.to_vec();
+        if let Some(masses) = masses {
+            weighted.iter_mut().zip(masses).for_each(|(r, mass)| *r *= mass);
+        }
+        multigrid.apply(&weighted, z);
+    }
 }
 
 /// Fills a vector with independent standard normal numbers (Box and Muller 1958).

@@ -299,7 +299,8 @@ impl<'a> ShiftInvert<'a> {
         None
     }
 
-    /// The pairs nearest to σ, above it or on both sides, ascending, with the factor of `A − σM` and from pairs found before. Random vectors join as long as there are fewer pairs, or fewer below an edge than are due.
+    /// The pairs nearest to σ, above it or on both sides, ascending, with the factor of `A − σM` and from pairs found before. Random vectors join as
+    /// long as there are fewer pairs, or fewer below an edge than are due.
     fn search(
         &mut self,
         end: End,

@@ -252,7 +252,7 @@ impl Path<'_> {
         Ok((dot(&direction, &product(&a, &direction)), direction))
     }
 
-    /// The smallest λ up to 1e6 at which `K_a + λ K_g` is singular.
+    /// Up to λ = 1e6.
     fn linear_buckling(&self, rest: &Equilibrium) -> Result<Option<f64>> {
         if self.load.iter().all(|f| *f == 0.0) || rest.stability != Stability::Stable {
             return Ok(None);

@@ -1,7 +1,6 @@
 //! The search for a minimum of the energy.
 //!
-//! **Newton's method** with `−K(x) p = f` and a non-monotone line search on E. Where −K is not positive definite, that step alone is solved with
-//! option *tension*, without the transverse terms of compressed springs, or near an equilibrium with −K shifted.
+//! **Newton's method** with `−K(x) p = f`, or a matrix in its place that is positive definite (`factored`), and a non-monotone line search on E.
 //!
 //! **Differences of E** are sums of rounding errors near the minimum. There the trapezoidal rule `−½ (f(x) + f(x + p))·p`, exact to third order in p,
 //! has no cancellation and takes over.

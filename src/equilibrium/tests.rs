@@ -108,15 +108,10 @@ fn springs_between_held_particles_have_energy() {
 /// A tolerance below rounding is met as far as rounding allows, which is better than by default.
 #[test]
 fn a_tolerance_below_rounding_is_met_to_rounding() {
-    let mut builder = SystemBuilder::new();
+    let places: Vec<[f64; 2]> = (0..12).map(|p| [0.1 * f64::from(p), 0.03 * f64::from(p % 3)]).collect();
+    let mut builder = net(3, &places, (0..11).map(|p| (p, p + 1, 300.0, 0.1)), &[0, 11]);
     builder.gravity(0.0, -9.81, 0.0);
-    for p in 0..12 {
-        builder.particle([0.1 * f64::from(p), 0.03 * f64::from(p % 3), 0.0], 0.1);
-    }
-    for p in 0..11 {
-        builder.spring(p, p + 1, spring(300.0, 0.1));
-    }
-    builder.hold(0).hold(11);
+    builder.masses.fill(0.1);
     let (system, state) = builder.build().unwrap();
     let options = EquilibriumOptions { tolerance: 1e-30, ..EquilibriumOptions::default() };
     let found = equilibrium(&system, &state, options).unwrap();
@@ -140,39 +135,31 @@ fn a_column_buckles_off_its_saddle() {
 }
 
 /// Without a factorization a hung lattice comes to the same rest, a straight column leaves the same saddle, and a free pair has the same free
-/// motions; signs are said not to be counted.
+/// motions; signs are said not to be counted. An option takes the place of −K too: `axial` lacks the transverse terms, and converges linearly.
 #[cfg(feature = "scene")]
 #[test]
 fn equilibria_without_a_factorization_are_the_same() {
-    let mut pair = SystemBuilder::new();
-    pair.particle([0.0; 3], 1.0);
-    pair.particle([1.3, 0.2, 0.0], 2.0);
-    pair.spring(0, 1, spring(10.0, 1.0));
+    let mut pair = net(3, &[[0.0, 0.0], [1.3, 0.2]], [(0, 1, 10.0, 1.0)], &[]);
+    pair.masses[1] = 2.0;
+    let iteratively = |system: &System, state: &State, options: EquilibriumOptions| {
+        let mut search = Search::new(system, state, options).unwrap();
+        search.solver = Solver::iterative(system).unwrap();
+        search.run().unwrap()
+    };
     let lattice = crate::scene::builtin(crate::scene::Kind::Lattice, 5).unwrap().build().unwrap();
+    let iterations = [StiffnessPolicy::OnDemand, Stiffness::Axial.into()].map(|stiffness| {
+        let options = EquilibriumOptions { stiffness, iterations: 200, ..EquilibriumOptions::default() };
+        iteratively(&lattice.0, &lattice.1, options).iterations
+    });
+    assert!(iterations[0] < iterations[1], "{iterations:?}");
     for (system, state) in [lattice, column(&[0.0, 0.8, 1.6, 2.4]), pair.build().unwrap()] {
         let found = find(&system, &state);
-        let mut search = Search::new(&system, &state, EquilibriumOptions::default()).unwrap();
-        search.solver = Solver::iterative(&system).unwrap();
-        let other = search.run().unwrap();
+        let other = iteratively(&system, &state, EquilibriumOptions::default());
         assert_eq!((other.stability, other.inertia, other.counted), (found.stability, found.inertia, false));
         assert!(found.counted && other.residual <= 1e-10 && other.work.factorizations == 0, "{}", other.residual);
         let scale = found.energy.abs().max(1e-9);
         assert!((other.energy - found.energy).abs() <= 1e-9 * scale, "{} {}", other.energy, found.energy);
     }
-}
-
-/// An option takes the place of −K without a factorization too: `axial` lacks the transverse terms, and converges linearly.
-#[cfg(feature = "scene")]
-#[test]
-fn options_are_taken_without_a_factorization() {
-    let (system, state) = crate::scene::builtin(crate::scene::Kind::Lattice, 5).unwrap().build().unwrap();
-    let iterations = [StiffnessPolicy::OnDemand, Stiffness::Axial.into()].map(|stiffness| {
-        let options = EquilibriumOptions { stiffness, iterations: 200, ..EquilibriumOptions::default() };
-        let mut search = Search::new(&system, &state, options).unwrap();
-        search.solver = Solver::iterative(&system).unwrap();
-        search.run().unwrap().iterations
-    });
-    assert!(iterations[0] < iterations[1], "{iterations:?}");
 }
 
 /// A matrix is factored where that is cheaper than conjugate gradients.
@@ -191,14 +178,9 @@ fn solids_of_many_particles_are_not_factored() {
 #[test]
 fn bodies_that_nothing_holds_are_named() {
     let build = |axes: &[usize], gravity: [f64; 3]| {
-        let mut builder = SystemBuilder::new();
+        let places = [0.0, 1.0, 5.0, 6.1].map(|x| [x, 0.0]);
+        let mut builder = net(3, &places, [(0, 1, 10.0, 0.9), (2, 3, 10.0, 1.0)], &[0]);
         builder.gravity(gravity[0], gravity[1], gravity[2]);
-        for x in [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [5.0, 0.0, 0.0], [6.1, 0.0, 0.0]] {
-            builder.particle(x, 1.0);
-        }
-        builder.spring(0, 1, spring(10.0, 0.9));
-        builder.spring(2, 3, spring(10.0, 1.0));
-        builder.hold(0);
         builder.constrain(Constraint { axes: crate::system::Axes::of(axes), ..Constraint::hold([2, 3]) });
         builder.build().unwrap()
     };
@@ -311,16 +293,14 @@ fn searches_do_not_creep_where_little_is_negative() {
 #[test]
 fn forces_left_hide_a_rotation_at_any_size() {
     for size in [1e-3, 1.0, 1e3] {
-        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
-        for [x, y] in [[0.0, 0.0], [1.0, 2e-4], [1.0, 1.0], [-1e-4, 1.0]] {
-            builder.particle([size * x, size * y, 0.0], 1.0);
-        }
+        let places = [[0.0, 0.0], [1.0, 2e-4], [1.0, 1.0], [-1e-4, 1.0]].map(|x| x.map(|x| size * x));
+        let pairs = [[0, 1], [1, 2], [2, 3], [3, 0], [0, 2], [1, 3]].into_iter().enumerate();
         // Tensions of 1 in the sides, and of −√2 in the diagonals.
-        for (k, pair) in [[0, 1], [1, 2], [2, 3], [3, 0], [0, 2], [1, 3]].into_iter().enumerate() {
+        let springs = pairs.map(|(k, [i, j])| {
             let (length, tension) = if k < 4 { (1.0, 1.0) } else { (2f64.sqrt(), -(2f64.sqrt())) };
-            builder.spring(pair[0], pair[1], spring(20.0, size * length / (1.0 + tension / 20.0)));
-        }
-        let (system, state) = builder.build().unwrap();
+            (i, j, 20.0, size * length / (1.0 + tension / 20.0))
+        });
+        let (system, state) = net(2, &places, springs, &[]).build().unwrap();
         let options = EquilibriumOptions { tolerance: 0.05, ..EquilibriumOptions::default() };
         let found = equilibrium(&system, &state, options).unwrap();
         assert!(found.residual > 1e-4, "{size}: nothing is left, {}", found.residual);
@@ -386,14 +366,10 @@ fn the_gradient_is_that_of_the_equilibrium() {
 #[test]
 fn options_that_cannot_be_used_are_errors() {
     let (system, state) = crate::system::fixtures::row(3);
-    for tolerance in [0.0, 1.0, -1.0, f64::NAN] {
-        assert!(
-            equilibrium(&system, &state, EquilibriumOptions { tolerance, ..EquilibriumOptions::default() }).is_err()
-        );
+    for (tolerance, load) in [(0.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (f64::NAN, 1.0), (1e-9, f64::NAN)] {
+        let options = EquilibriumOptions { tolerance, load, ..EquilibriumOptions::default() };
+        assert!(equilibrium(&system, &state, options).is_err());
     }
-    assert!(
-        equilibrium(&system, &state, EquilibriumOptions { load: f64::NAN, ..EquilibriumOptions::default() }).is_err()
-    );
     let found = find(&system, &state);
     assert!(found.gradient(&system, &[]).is_err());
 }
@@ -476,35 +452,31 @@ fn a_path_of_a_slack_chain_begins_with_its_load() {
 #[test]
 fn a_braced_column_bifurcates() {
     for k in [1e4, 1e7] {
-        braced_column_bifurcates(k);
+        let brace = 50.0;
+        let places = [[0.0, 0.0], [0.0, 1.0], [0.0, 2.0], [1.0, 1.0], [-1.0, 1.0]];
+        let springs = [(0, 1, k, 1.0), (1, 2, k, 1.0), (1, 3, brace / 2.0, 1.0), (1, 4, brace / 2.0, 1.0)];
+        let mut builder = net(2, &places, springs, &[0, 3, 4]);
+        builder.constrain(Constraint { axes: crate::system::Axes::of(&[0]), ..Constraint::hold([2]) });
+        let (system, state) = builder.build().unwrap();
+        let load = 40.0;
+        let system = pushed(&system, 2, [0.0, -load]);
+        let path = load_path(&system, &state, 5).unwrap();
+        assert_eq!((path.critical.len(), path.critical[0].kind), (1, CriticalKind::Bifurcation));
+        // Bars of length 1 − P/k: 2P/(1 − P/k) equals the stiffness of the brace across, whose own bar has sunk by P/k.
+        let sideways = |factor: f64| {
+            let p = factor * load;
+            let (l, sunk) = (1.0 - p / k, p / k);
+            let across = f64::hypot(1.0, sunk);
+            let tension = brace * (across - 1.0);
+            let n = 1.0 / across;
+            let stiffness = brace * n * n + tension / across * (1.0 - n * n);
+            stiffness - 2.0 * p / l
+        };
+        let found = path.critical[0].factor;
+        assert!(sideways(found).abs() < 1e-6, "{k:e}: {found} {:e}", sideways(found));
+        assert!((path.linear_buckling.unwrap() - found).abs() < 0.02 * found, "{:?} {found}", path.linear_buckling);
+        assert!(path.critical[0].direction[0].abs() > 0.9);
     }
-}
-
-fn braced_column_bifurcates(k: f64) {
-    let brace = 50.0;
-    let places = [[0.0, 0.0], [0.0, 1.0], [0.0, 2.0], [1.0, 1.0], [-1.0, 1.0]];
-    let springs = [(0, 1, k, 1.0), (1, 2, k, 1.0), (1, 3, brace / 2.0, 1.0), (1, 4, brace / 2.0, 1.0)];
-    let mut builder = net(2, &places, springs, &[0, 3, 4]);
-    builder.constrain(Constraint { axes: crate::system::Axes::of(&[0]), ..Constraint::hold([2]) });
-    let (system, state) = builder.build().unwrap();
-    let load = 40.0;
-    let system = pushed(&system, 2, [0.0, -load]);
-    let path = load_path(&system, &state, 5).unwrap();
-    assert_eq!((path.critical.len(), path.critical[0].kind), (1, CriticalKind::Bifurcation));
-    // Bars of length 1 − P/k: 2P/(1 − P/k) equals the stiffness of the brace across, whose own bar has sunk by P/k.
-    let sideways = |factor: f64| {
-        let p = factor * load;
-        let (l, sunk) = (1.0 - p / k, p / k);
-        let across = f64::hypot(1.0, sunk);
-        let tension = brace * (across - 1.0);
-        let n = 1.0 / across;
-        let stiffness = brace * n * n + tension / across * (1.0 - n * n);
-        stiffness - 2.0 * p / l
-    };
-    let found = path.critical[0].factor;
-    assert!(sideways(found).abs() < 1e-6, "{k:e}: {found} {:e}", sideways(found));
-    assert!((path.linear_buckling.unwrap() - found).abs() < 0.02 * found, "{:?} {found}", path.linear_buckling);
-    assert!(path.critical[0].direction[0].abs() > 0.9);
 }
 
 /// A truss whose steps of the load end at its limit point itself, where the tangent is as long as it likes.

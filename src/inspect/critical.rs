@@ -29,11 +29,11 @@
 
 use super::inertia::{InertiaCounter, largest_at_particle};
 use super::oracle::Oracle;
-use crate::eigen::{BlockLanczos, End, Search, Tolerance, probe, scaled_products};
+use crate::eigen::{BlockLanczos, End, Search, Tolerance, probe, product, scaled_products};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, SpringGeometry};
 use crate::linear::{SOLVE_COLUMNS, dot};
-use crate::operator::{Combination, LinearOperator, SystemOperator, negative_part};
+use crate::operator::{Combination, SystemOperator, negative_part};
 use crate::spring::{SpringBlock, Stiffness};
 use crate::system::{State, System};
 use crate::work::Work;
@@ -67,7 +67,6 @@ pub(super) struct MatrixPencil<'s> {
     pub operator: SystemOperator<'s>,
     /// G, for the curvature along a vector.
     damping: SystemOperator<'s>,
-    product: Vec<f64>,
     /// m of every degree of freedom, in kg.
     masses: Vec<f64>,
 }
@@ -76,8 +75,8 @@ impl<'s> MatrixPencil<'s> {
     pub fn new(system: &'s System, extensions: SpringGeometry, property: Property, option: Stiffness) -> Self {
         let operator = |combination| SystemOperator::new(system, &extensions, Stiffness::Full, combination);
         let (damping, operator) = (operator(Combination::DAMPING), operator(Combination::STIFFNESS));
-        let masses: Vec<f64> = system.dofs().iter().map(|dof| system.masses()[dof.particle]).collect();
-        Self { property, option, system, damping, operator, extensions, product: vec![0.0; masses.len()], masses }
+        let masses = system.dofs().iter().map(|dof| system.masses()[dof.particle]).collect();
+        Self { property, option, system, damping, operator, extensions, masses }
     }
 
     /// Moves to another state of the same system.
@@ -114,14 +113,16 @@ impl<'s> MatrixPencil<'s> {
 
     /// The coefficients of s², s and 1 in `uᵀP(s)u`. Leaves the operator at s = 0.
     fn curvature(&mut self, u: &[f64]) -> [f64; 3] {
-        let kinetic: f64 = u.iter().zip(&self.masses).map(|(u, mass)| mass * u * u).sum();
-        self.damping.apply(u, &mut self.product);
-        let damping = -dot(u, &self.product);
+        let damping = -dot(u, &product(&self.damping, u));
         self.set(0.0);
-        self.operator.apply(u, &mut self.product);
-        let constant = dot(u, &self.product);
+        let constant = dot(u, &product(&self.operator, u));
         let [mu, gamma] = self.property.factors();
-        [mu * kinetic, gamma * damping, constant]
+        [mu * self.kinetic(u), gamma * damping, constant]
+    }
+
+    /// `uᵀMu`.
+    fn kinetic(&self, u: &[f64]) -> f64 {
+        u.iter().zip(&self.masses).map(|(u, mass)| mass * u * u).sum()
     }
 
     /// The lowest Ritz vector of `M⁻¹C` from sixty products; expects the operator at s = 0.
@@ -133,12 +134,9 @@ impl<'s> MatrixPencil<'s> {
 
     /// `‖M^{-1/2} P(s) u‖/(2 s² ‖M^{1/2} u‖)`, at the s of the operator: about the relative distance of the root along u from the s at which P is
     /// singular, without damping.
-    fn residual(&mut self, u: &[f64]) -> f64 {
-        let Self { operator, product, masses, .. } = self;
-        operator.apply(u, product);
-        let left: f64 = product.iter().zip(&*masses).map(|(p, mass)| p * p / mass).sum();
-        let kinetic: f64 = u.iter().zip(&*masses).map(|(u, mass)| mass * u * u).sum();
-        0.5 * left.sqrt() / (operator.mass_factor() * kinetic.sqrt())
+    fn residual(&self, u: &[f64]) -> f64 {
+        let left: f64 = product(&self.operator, u).iter().zip(&self.masses).map(|(p, mass)| p * p / mass).sum();
+        0.5 * left.sqrt() / (self.operator.mass_factor() * self.kinetic(u).sqrt())
     }
 
     /// A bound for ‖P(s)‖: the largest sum of `μ s² m_i` and twice the norms of the blocks at a free particle. Expects the operator at s = 0, so that

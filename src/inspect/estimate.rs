@@ -19,7 +19,7 @@ use super::culprits::direction;
 use super::inertia::{Inertia, largest_at_particle};
 use super::inspection::{FirstAnswer, Inspection, Part, SkipReason, examined_first};
 use super::spectrum::{ROUNDING, Spectrum};
-use crate::eigen::{BlockLanczos, Eigenpair, End, Search, Tolerance, multigrid_for, scaled_products};
+use crate::eigen::{BlockLanczos, Eigenpair, End, Search, Tolerance, multigrid_for, preconditioner, scaled_products};
 use crate::error::Result;
 use crate::force::SpringGeometry;
 use crate::memory;
@@ -117,7 +117,7 @@ impl Inspection {
 /// Both ends of the spectrum, the low one from a vector near it; `condition` is NaN where A may be singular.
 fn spectrum(
     a: &SystemOperator<'_>,
-    mut multigrid: Option<&mut Multigrid>,
+    multigrid: Option<&mut Multigrid>,
     start: Option<&Eigenpair>,
     work: &mut Work,
 ) -> Spectrum {
@@ -131,14 +131,7 @@ fn spectrum(
     let mut low = BlockLanczos::new(n, None, search(End::Lowest, 3), 4);
     low.start(start.iter().map(|pair| &pair.vector[..]), &mut apply);
     low.refresh(&mut apply);
-    let mut precondition = |r: &[f64], z: &mut [f64]| match &mut multigrid {
-        Some(multigrid) => {
-            work.multigrid_iterations += 1;
-            multigrid.apply(r, z);
-        }
-        None => z.copy_from_slice(r),
-    };
-    let low = low.iterate(tolerance, 40, &mut apply, Some(&mut precondition));
+    let low = low.iterate(tolerance, 40, &mut apply, Some(&mut preconditioner(multigrid, None, work)));
     let lowest: Vec<Eigenpair> = low.into_iter().map(Eigenpair::from).collect();
     let smallest = lowest.first().map_or(f64::NAN, |pair| pair.value);
     let largest = high.first().map_or(f64::NAN, |pair| pair.value);

@@ -36,7 +36,6 @@ pub struct DefinitenessWatch<'s> {
     dt: f64,
     pencil: MatrixPencil<'s>,
     oracle: Oracle,
-    direction: Vec<f64>,
 }
 
 impl<'s> DefinitenessWatch<'s> {
@@ -52,7 +51,7 @@ impl<'s> DefinitenessWatch<'s> {
     fn of(property: Property, system: &'s System, state: &State, option: Stiffness, dt: f64, par: Par) -> Result<Self> {
         let pencil = MatrixPencil::new(system, SpringGeometry::at(system, state)?, property, option);
         let oracle = Oracle::analyse(system, par, &mut Work::default())?;
-        Ok(Self { dt, pencil, oracle, direction: vec![0.0; system.dofs().len()] })
+        Ok(Self { dt, pencil, oracle })
     }
 
     fn factor(&mut self, state: &State) -> Result<[bool; 2], DegenerateSpring> {
@@ -71,15 +70,16 @@ impl<'s> DefinitenessWatch<'s> {
         if is_positive {
             return Ok(None);
         }
-        let Self { pencil, oracle: Oracle { matrix, factorization, .. }, direction, .. } = self;
+        let Self { pencil, oracle: Oracle { matrix, factorization, .. }, .. } = self;
+        let mut direction = vec![0.0; pencil.system.dofs().len()];
         let negative = factorization.pivots().filter(|&(_, d)| d < 0.0).count();
         let option = pencil.option;
         let mut loss = Loss { step, time: state.time, option, negative, curvature: f64::NAN, culprits: Vec::new() };
-        if factored && factorization.negative_direction(direction) {
-            let pair = |u: &[f64]| unit(u.to_vec()).map(|u| eigenpair(&Pencil::of(matrix.matrix()), u));
-            let lost = pair(direction);
+        if factored && factorization.negative_direction(&mut direction) {
+            let pair = |u: Vec<f64>| unit(u).map(|u| eigenpair(&Pencil::of(matrix.matrix()), u));
+            let lost = pair(direction.clone());
             // One inverse iteration leads to the eigenvector nearest to zero, which may lie above it.
-            factorization.substitute(direction);
+            factorization.substitute(&mut direction);
             if let Some(pair) = pair(direction).filter(|pair| pair.value < 0.0).or(lost) {
                 loss.curvature = pair.value;
                 loss.culprits = culprits::direction(pencil.system, &pencil.extensions, option, &pair).culprits;
@@ -161,10 +161,9 @@ impl<'s> Follower<'s> {
             option,
             dt,
             definiteness: DefinitenessWatch::new(system, start, option, dt, par)?,
-            stability: match option {
-                Stiffness::Axial => Some(DefinitenessWatch::of(Property::Stable, system, start, option, dt, par)?),
-                Stiffness::Full | Stiffness::Tension | Stiffness::Absolute => None,
-            },
+            stability: (option == Stiffness::Axial)
+                .then(|| DefinitenessWatch::of(Property::Stable, system, start, option, dt, par))
+                .transpose()?,
             before: start.positions.clone(),
             extensions: SpringGeometry::at(system, start)?,
             monitor: Monitor::new(system, start, MonitorOptions { stops_unstable: false, ..MonitorOptions::ENERGY })?,

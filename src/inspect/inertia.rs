@@ -214,21 +214,17 @@ impl InertiaCounter {
         shifted.shift(shift);
         let [error, bound] = [f64::INFINITY; 2];
         let mut count = Count { signs: PivotSigns::default(), error, bound, method: first };
-        let sparse = [(InertiaMethod::Sparse, Pivoting::None), (InertiaMethod::Pivoted, Pivoting::InSupernodes)];
-        let methods = sparse.map(|(method, pivoting)| (method, Some(pivoting)));
-        for (method, pivoting) in methods.into_iter().chain([(InertiaMethod::Dense, None)]) {
-            let affordable = pivoting.is_some() || c.order() <= 2000;
+        for method in [InertiaMethod::Sparse, InertiaMethod::Pivoted, InertiaMethod::Dense] {
+            let affordable = method != InertiaMethod::Dense || c.order() <= 2000;
             let is_good = count.error <= f64::max(tolerance / 2.0, STABLE * unit(c.order()));
             if method < first || !affordable || is_good {
                 continue;
             }
             work.factorizations += 1;
-            let (signs, error) = match pivoting {
-                Some(pivoting) => {
-                    self.factorization.factor(&shifted, pivoting);
-                    (self.factorization.signs(), self.measured_error(&shifted))
-                }
-                None => dense_signs(&shifted),
+            let (signs, error) = match method {
+                InertiaMethod::Sparse => self.signs(&shifted, Pivoting::None),
+                InertiaMethod::Pivoted => self.signs(&shifted, Pivoting::InSupernodes),
+                _ => dense_signs(&shifted),
             };
             let bound = match method {
                 InertiaMethod::Sparse => self.factorization.rounding_bound(None) / scale + 4.0 * f64::EPSILON,
@@ -242,8 +238,9 @@ impl InertiaCounter {
         count
     }
 
-    /// Bound on `‖A − L B Lᵀ‖₂` from products with Gaussian vectors.
-    fn measured_error(&self, a: &SymmetricMatrix) -> f64 {
+    /// The signs of pivots, and a bound on `‖A − L B Lᵀ‖₂` from products with Gaussian vectors.
+    fn signs(&mut self, a: &SymmetricMatrix, pivoting: Pivoting) -> (PivotSigns, f64) {
+        self.factorization.factor(a, pivoting);
         let n = a.order();
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(n as u64);
         let mut vectors = vec![vec![0.0; n]; PROBES];
@@ -261,7 +258,7 @@ impl InertiaCounter {
             let error = norm(&product);
             largest = if error <= largest { largest } else { error };
         }
-        10.0 * std::f64::consts::FRAC_2_PI.sqrt() * largest
+        (self.factorization.signs(), 10.0 * std::f64::consts::FRAC_2_PI.sqrt() * largest)
     }
 }
 
@@ -310,21 +307,15 @@ pub(super) fn largest_at_particle(
 /// empty row stays.
 fn equilibrated(a: &SymmetricMatrix) -> SymmetricMatrix {
     let mut c = a.clone();
-    let n = a.order();
-    let (mut largest, mut scaling) = (vec![0.0; n], vec![0.0; n]);
     for _ in 0..3 {
-        largest.fill(0.0);
+        let mut largest = vec![0.0f64; a.order()];
         for (row, column, value) in c.iter() {
-            for index in [row, column] {
-                if value.abs() > largest[index] {
-                    largest[index] = value.abs();
-                }
-            }
+            [row, column].iter().for_each(|&index| largest[index] = largest[index].max(value.abs()));
         }
-        for (s, &entry) in scaling.iter_mut().zip(&largest) {
-            *s = if entry > 0.0 && entry.is_finite() { (-(entry.log2() / 2.0).round()).exp2() } else { 1.0 };
-        }
-        c.scale_rows_and_columns(&scaling);
+        let inverse_root = |entry: f64| (-(entry.log2() / 2.0).round()).exp2();
+        let is_usable = |entry: f64| entry > 0.0 && entry.is_finite();
+        let scaling = largest.into_iter().map(|entry| if is_usable(entry) { inverse_root(entry) } else { 1.0 });
+        c.scale_rows_and_columns(&scaling.collect::<Vec<_>>());
     }
     c
 }

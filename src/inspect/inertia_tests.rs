@@ -16,6 +16,15 @@ fn counter(a: &SymmetricMatrix) -> InertiaCounter {
     InertiaCounter::new(a.pattern(), Par::Seq).unwrap()
 }
 
+/// The count that begins with a method, and its work.
+fn counted(a: &SymmetricMatrix, method: InertiaMethod) -> (Inertia, Work) {
+    let mut counter = counter(a);
+    counter.method = method;
+    let mut work = Work::default();
+    let found = counter.count(a, &mut work);
+    (found, work)
+}
+
 /// A symmetric matrix of order six from its lower triangle.
 fn six(entry: impl Fn(usize, usize) -> f64) -> SymmetricMatrix {
     banded(2, 1, |row, column| entry(row.max(column), row.min(column)))
@@ -38,10 +47,7 @@ fn dense_factorizations_count_pivots_of_order_two() {
         let (signs, error) = dense_signs(&a);
         assert_eq!(signs, PivotSigns { negative, zero: 0, positive: 6 - negative });
         assert!(error < 1e-14, "{error}");
-        let mut dense = counter(&a);
-        dense.method = InertiaMethod::Dense;
-        let mut work = Work::default();
-        let found = dense.count(&a, &mut work);
+        let (found, work) = counted(&a, InertiaMethod::Dense);
         assert_eq!((found.negative, found.zero, found.positive), (negative, 0, 6 - negative));
         assert_eq!((found.method, work.factorizations), (InertiaMethod::Dense, if negative == 0 { 1 } else { 2 }));
         assert_eq!(found.band, 1.5 * 32.0 * 6f64.sqrt() * f64::EPSILON / 2.0);
@@ -58,8 +64,7 @@ fn what_lies_in_the_band_is_neither_negative_nor_positive() {
             (1, 1) => 1.0 - 2.0 * delta,
             _ => 0.0,
         });
-        let mut work = Work::default();
-        let found = counter(&a).count(&a, &mut work);
+        let (found, work) = counted(&a, InertiaMethod::Sparse);
         let zero = usize::from(delta.abs() < 1e-14);
         assert_eq!((found.negative, found.zero, found.positive), (negative, zero, 3 - negative - zero), "{delta}");
         assert_eq!((found.method, found.is_definite()), (InertiaMethod::Sparse, delta < 0.0));
@@ -67,7 +72,7 @@ fn what_lies_in_the_band_is_neither_negative_nor_positive() {
     }
 }
 
-/// Stretched springs prove it, compressed ones and none at all do not.
+/// Stretched springs prove it, compressed ones and none at all do not. What 2 kg give must be visible: more than a billionth of ‖A‖.
 #[test]
 fn blocks_prove_definiteness_where_there_are_rows() {
     for (free, rest_length, expected) in [(2, 0.5, Some(4)), (2, 1.25, None), (0, 0.5, None)] {
@@ -78,6 +83,9 @@ fn blocks_prove_definiteness_where_there_are_rows() {
         let found = definite_by_blocks(&operator, &a, 100.0);
         assert_eq!(found.map(|inertia| inertia.positive), expected);
         assert!(found.is_none_or(|inertia| inertia.method == InertiaMethod::Springs && inertia.is_definite()));
+        let one = banded(1, 0, |row, column| (row == column) as u8 as f64);
+        let is_visible = [5e-10, 5.1e-10].map(|mass| definite_by_blocks(&operator, &one, mass).is_some());
+        assert!(free == 0 || is_visible == [false, expected.is_some()]);
     }
 }
 
@@ -98,7 +106,7 @@ fn bands_are_as_wide_as_errors_demand() {
     let mut widened = 0;
     for k in 0..400 {
         let a = small_pivots(4 + k % 5, |p| 10f64.powf(-0.25 - 0.005 * k as f64) * (1.0 + 0.1 * p as f64));
-        let found = counter(&a).count(&a, &mut Work::default());
+        let (found, _) = counted(&a, InertiaMethod::Sparse);
         assert!(found.factorization_error <= found.band / 3.0, "{k}: {found:?}");
         let first = 1.5 * 32.0 * (a.order() as f64).sqrt() * f64::EPSILON / 2.0;
         widened += usize::from(found.band > first);
@@ -138,10 +146,7 @@ fn a_pivot_of_zero_is_not_positive() {
         _ => 0.0,
     };
     let a = banded(12, 0, entry);
-    let mut dense = counter(&a);
-    dense.method = InertiaMethod::Dense;
-    let mut work = Work::default();
-    let found = dense.count(&a, &mut work);
+    let (found, work) = counted(&a, InertiaMethod::Dense);
     assert_eq!((found.negative, found.zero, found.positive, work.factorizations), (1, 1, 34, 2));
 }
 
@@ -149,23 +154,9 @@ fn a_pivot_of_zero_is_not_positive() {
 #[test]
 fn a_count_ends_undecided() {
     let a = six(|row, column| (row == column) as u8 as f64);
-    let mut hopeless = counter(&a);
-    hopeless.method = InertiaMethod::None;
     let first = 32.0 * 6f64.sqrt() * f64::EPSILON / 2.0;
-    let mut work = Work::default();
-    assert_eq!(hopeless.count(&a, &mut work), Inertia::undecided(6, 1.5 * 32.0 * first));
-    assert_eq!(work, Work::default());
-}
-
-/// 2 kg at a step that gives the masses exactly a billionth of ‖A‖.
-#[test]
-fn what_the_masses_give_must_be_visible() {
-    let (system, state) = chain(1, 0.5);
-    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
-    let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
-    let one = banded(1, 0, |row, column| (row == column) as u8 as f64);
-    assert_eq!(definite_by_blocks(&operator, &one, 5e-10), None);
-    assert!(definite_by_blocks(&operator, &one, 5.1e-10).is_some());
+    let undecided = Inertia::undecided(6, 1.5 * 32.0 * first);
+    assert_eq!(counted(&a, InertiaMethod::None), (undecided, Work::default()));
 }
 
 /// The numbers of negative, zero and positive eigenvalues of an integer matrix, exactly: by Descartes' rule, which holds with equality for a
@@ -241,8 +232,7 @@ fn definite_is_proven_from_some_roundings_on() {
 #[test]
 fn a_wider_band_proves_what_the_first_does_not() {
     let a = banded(450, 449, |row, column| noise(row, column) + if row == column { 3000.0 } else { 0.0 });
-    let mut work = Work::default();
-    let found = counter(&a).count(&a, &mut work);
+    let (found, work) = counted(&a, InertiaMethod::Sparse);
     assert!(found.is_definite() && found.proven, "{found:?}");
     assert_eq!((found.method, work.factorizations), (InertiaMethod::Sparse, 2));
 }

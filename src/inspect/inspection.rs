@@ -415,10 +415,6 @@ mod tests {
             // Of a definite one a second may lower the quotient by its rounding.
             assert!(matches!(answer(0.5e-13), (true, [1, 1 | 2])), "{size}");
         }
-    }
-
-    #[test]
-    fn nothing_is_answered_of_infinite_entries() {
         for diagonal in [[f64::INFINITY, 1.0, 1.0], [f64::NEG_INFINITY, 1.0, 1.0]] {
             assert_eq!(answered(diagonal), (None, [0, 0]));
         }

@@ -22,9 +22,6 @@
 //! **Neighbours** that the step deforms decide with their elasticity: with `E = ½ Σ (k/l0) (n·δ)²` over the other springs at both ends, μ in ρ is
 //! `μ + dt² E/‖δ⊥‖²`. So ρ is an estimate, exact for a spring by itself.
 //!
-//! **The search** brackets the limit by trials. The logarithm of the excess is nearly a line over that of dt: leaps go a little beyond the zero of
-//! the line through the last two trials, until the sign changes; the Illinois method (Dowell and Jarratt 1971) then narrows the bracket.
-//!
 //! **Steps of other lengths** are solved with one factor. With `s = 1/dt` the matrix of a step is `P(s) = s² M + s C + K`, here with C and K positive
 //! semidefinite. The eigenvalues of `P(s₀)⁻¹P(s)` lie between 1 and `(s/s₀)²`, so that conjugate gradients preconditioned with the factor of `P(s₀)`
 //! take some twenty solves for a step four times as long or short (Hestenes and Stiefel 1952). The error e has `eᵀP(s)e = rᵀP(s)⁻¹r ≤ rᵀM⁻¹r/s²`,
@@ -37,7 +34,7 @@ use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_w
 use crate::linear::{Ldlt, dot};
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::rigid::sums_at_ends;
-use crate::spring::Stiffness;
+use crate::spring::{Extension, Spring, Stiffness};
 use crate::system::{State, System};
 use crate::work::Work;
 use faer::Par;
@@ -93,14 +90,11 @@ impl Turn {
     ) -> Option<Self> {
         let moved = |p: usize| displacement.get(p).copied().unwrap_or_else(Vector3::zeros);
         // (k/l0) (n·δ)² of every spring, summed at its ends.
-        let axial = |[i, j]: [usize; 2], n: &Vector3<f64>, per_length: f64| {
-            let along = n.dot(&(moved(i) - moved(j)));
-            per_length * along * along
+        let axial = |[i, j]: [usize; 2], spring: &Spring, at: &Extension| {
+            let along = at.direction.dot(&(moved(i) - moved(j)));
+            spring.axial_stiffness() * along * along
         };
-        let axials = extensions.springs(system).map(|((_, pair, spring), at)| {
-            let energy = axial(pair, &at.direction, spring.axial_stiffness());
-            (pair, energy)
-        });
+        let axials = extensions.springs(system).map(|((_, ends, spring), at)| (ends, axial(ends, spring, at)));
         let around = sums_at_ends(system, axials);
         let inverse_mass = |p: usize| match system.dofs().rows(p).is_empty() {
             true => 0.0,
@@ -128,8 +122,7 @@ impl Turn {
                         false => (spring.rest_length, (length - spring.rest_length).max(0.0)),
                     };
                     let coefficient = spring.stiffness * added / (taut * length);
-                    let own = axial(particles, &at.direction, spring.axial_stiffness());
-                    let elastic = 0.5 * (around[i] + around[j] - 2.0 * own).max(0.0);
+                    let elastic = 0.5 * (around[i] + around[j] - 2.0 * axial(particles, spring, at)).max(0.0);
                     let inertia = 1.0 / ((inverse_mass(i) + inverse_mass(j)) * dt * dt) + elastic / squared;
                     coefficient / inertia
                 }
@@ -158,8 +151,6 @@ pub struct RotationLimit<'s> {
     masses: Vec<f64>,
     /// `g + f_el`, full-length.
     force: Vec<Vector3<f64>>,
-    displacement: Vec<Vector3<f64>>,
-    reduced: Vec<f64>,
     /// The work of the search.
     pub work: Work,
 }
@@ -190,8 +181,6 @@ impl<'s> RotationLimit<'s> {
             factored: None,
             masses: system.dofs().iter().map(|dof| system.masses()[dof.particle]).collect(),
             force,
-            displacement: vec![Vector3::zeros(); system.particles()],
-            reduced: vec![0.0; system.dofs().len()],
             work: Work { force_evaluations: 1, ..Work::default() },
             system,
             state,
@@ -206,26 +195,24 @@ impl<'s> RotationLimit<'s> {
     pub fn worst(&mut self, option: Stiffness, dt: f64) -> Option<Turn> {
         let solved = if option == Stiffness::Axial { Stiffness::Axial } else { Stiffness::Tension };
         self.operator.update(&self.extensions, solved, Combination::step(dt));
-        for (p, ((right, f), v)) in
-            self.displacement.iter_mut().zip(&self.force).zip(&self.state.velocities).enumerate()
-        {
-            *right = f + v * (self.system.masses()[p] / dt);
-        }
-        self.system.dofs().gather(&self.displacement, &mut self.reduced);
-        self.displacement.fill(Vector3::zeros());
-        self.system.prescribed().displacement(self.state.time + dt, &self.state.positions, &mut self.displacement);
-        self.operator.subtract_coupling(&self.displacement, &mut self.reduced);
-        if !self.solve(solved, dt) {
+        let Self { system, state, .. } = *self;
+        let forces = self.force.iter().zip(&state.velocities).zip(system.masses());
+        let right: Vec<_> = forces.map(|((f, v), mass)| f + v * (mass / dt)).collect();
+        let mut reduced = system.dofs().reduced(&right);
+        let mut displacement = vec![Vector3::zeros(); system.particles()];
+        system.prescribed().displacement(state.time + dt, &state.positions, &mut displacement);
+        self.operator.subtract_coupling(&displacement, &mut reduced);
+        if !self.solve(solved, dt, &mut reduced) {
             return None;
         }
-        self.system.dofs().scatter(&self.reduced, &mut self.displacement);
-        Turn::worst(self.system, &self.extensions, &self.displacement, dt, option)
+        system.dofs().scatter(&reduced, &mut displacement);
+        Turn::worst(system, &self.extensions, &displacement, dt, option)
     }
 
     /// Solves for the step, with the factor at hand if that is of a step at most eight times as long or short.
-    fn solve(&mut self, solved: Stiffness, dt: f64) -> bool {
-        let right = self.reduced.clone();
-        let Self { operator, oracle, masses, work, reduced, .. } = self;
+    fn solve(&mut self, solved: Stiffness, dt: f64, reduced: &mut [f64]) -> bool {
+        let right = reduced.to_vec();
+        let Self { operator, oracle, masses, work, .. } = self;
         if let Some((_, at)) = self.factored.filter(|(option, _)| *option == solved) {
             let mut substitute = |r: &mut [f64]| {
                 work.solves += 1;
@@ -289,7 +276,8 @@ struct Trial {
     excess: f64,
 }
 
-/// A bracket of the limit near the first trial, which lies at 0; `None` where there is none.
+/// A bracket of the limit near the first trial, which lies at 0; `None` where there is none. The logarithm of the excess is nearly a line over that of
+/// dt: leaps go a little beyond the zero of the line through the last two trials, until the sign changes.
 fn search(first: Trial, mut excess: impl FnMut(f64) -> f64) -> Option<[f64; 2]> {
     let is_too_long = first.excess > 0.0;
     let direction = if is_too_long { -1.0 } else { 1.0 };
@@ -310,8 +298,8 @@ fn search(first: Trial, mut excess: impl FnMut(f64) -> f64) -> Option<[f64; 2]> 
     None
 }
 
-/// Narrows a bracket to [`WIDTH`] by the Illinois method: an end that stays is given half of its excess. Trials keep half of the width away from the
-/// ends, and after a dozen they are bisections.
+/// Narrows a bracket to [`WIDTH`] by the Illinois method (Dowell and Jarratt 1971): an end that stays is given half of its excess. Trials keep half of
+/// the width away from the ends, and after a dozen they are bisections.
 fn narrowed(mut low: Trial, mut high: Trial, mut excess: impl FnMut(f64) -> f64) -> [f64; 2] {
     let width = WIDTH.ln_1p();
     let (mut trials, mut was_high) = (0, None);
@@ -408,18 +396,14 @@ mod tests {
             assert!(high / low <= (1.0 + WIDTH) * rounding, "{number}: {low} {high}");
             assert!(trials <= if number < 5 { 9 } else { 25 }, "{number}: {trials} trials");
         }
-        assert_eq!(search(Trial { at: 0.0, excess: -1.0 }, |_| -1.0), None);
-        assert_eq!(search(Trial { at: 0.0, excess: f64::NEG_INFINITY }, |_| f64::NEG_INFINITY), None);
-        assert_eq!(search(Trial { at: 0.0, excess: 1.0 }, |_| 2.0), None);
-    }
-
-    /// A step of exactly the limit is not too long: the search goes up from it, and stops going down at it.
-    #[test]
-    fn the_limit_itself_is_kept() {
-        let limit =
-            |first: f64, offset: f64| search(Trial { at: 0.0, excess: first }, |at| at + offset).map(|[low, _]| low);
-        assert_eq!(limit(0.0, 0.0), Some(0.0));
-        assert_eq!(limit(LEAP.ln(), LEAP.ln()), Some(-LEAP.ln()));
+        for (first, all) in [(-1.0, -1.0), (f64::NEG_INFINITY, f64::NEG_INFINITY), (1.0, 2.0)] {
+            assert_eq!(search(Trial { at: 0.0, excess: first }, |_| all), None);
+        }
+        // A step of exactly the limit is not too long: the search goes up from it, and stops going down at it.
+        for (offset, limit) in [(0.0, 0.0), (LEAP.ln(), -LEAP.ln())] {
+            let found = search(Trial { at: 0.0, excess: offset }, |at| at + offset);
+            assert_eq!(found.map(|[low, _]| low), Some(limit));
+        }
     }
 
     /// (s² m + c) x = b by hand: exactly, with what solves exactly or nearly, and not at all where squares overflow.

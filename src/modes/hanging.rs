@@ -111,7 +111,7 @@ mod tests {
     use crate::spring::Spring;
     use crate::system::{Axes, Constraint, SystemBuilder};
 
-    fn parts(particles: usize, pairs: &[[usize; 2]], held: &[usize]) -> Vec<Vec<usize>> {
+    fn parts_of(particles: usize, pairs: &[[usize; 2]], constraint: Constraint) -> Vec<Vec<usize>> {
         let mut builder = SystemBuilder::new();
         (0..particles).for_each(|p| {
             builder.particle([p as f64, (p * p) as f64, 0.0], 1.0);
@@ -119,10 +119,12 @@ mod tests {
         for &[i, j] in pairs {
             builder.spring(i, j, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
         }
-        held.iter().for_each(|&p| {
-            builder.hold(p);
-        });
+        builder.constrain(constraint);
         hanging(&builder.build().unwrap().0)
+    }
+
+    fn parts(particles: usize, pairs: &[[usize; 2]], held: &[usize]) -> Vec<Vec<usize>> {
+        parts_of(particles, pairs, Constraint::hold(held.iter().copied()))
     }
 
     /// Two triangles joined by one spring, a tail of two on the second, and a triangle apart.
@@ -136,27 +138,17 @@ mod tests {
         assert_eq!(parts(11, &[&pairs[..], &[[2, 3]]].concat(), &[]), [vec![6, 7]]);
         // The largest component carries the rest, wherever it is.
         assert_eq!(parts(5, &[[0, 1], [1, 2], [2, 3], [3, 4], [4, 2]], &[]), [vec![0, 1]]);
+        // A chain from its held end.
+        let pairs: Vec<[usize; 2]> = (0..4).map(|k| [k, k + 1]).collect();
+        assert_eq!(parts(5, &pairs, &[4]), [vec![0, 1, 2, 3]]);
+        assert_eq!(parts(5, &pairs, &[0, 4]), [] as [Vec<usize>; 0]);
+        assert_eq!(parts(5, &pairs, &[]), [vec![1, 2, 3, 4]]);
     }
 
     /// A particle on a roller is part of the ground.
     #[test]
     fn parts_hang_from_rollers() {
-        let mut builder = SystemBuilder::new();
-        (0..4).for_each(|p| {
-            builder.particle([p as f64, (p * p) as f64, 0.0], 1.0);
-        });
-        for [i, j] in [[0, 1], [1, 2], [2, 3], [3, 1]] {
-            builder.spring(i, j, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        }
-        builder.constrain(Constraint { axes: Axes::of(&[1]), ..Constraint::hold([0]) });
-        assert_eq!(hanging(&builder.build().unwrap().0), [vec![1, 2, 3]]);
-    }
-
-    #[test]
-    fn a_chain_hangs_from_its_held_end() {
-        let pairs: Vec<[usize; 2]> = (0..4).map(|k| [k, k + 1]).collect();
-        assert_eq!(parts(5, &pairs, &[4]), [vec![0, 1, 2, 3]]);
-        assert_eq!(parts(5, &pairs, &[0, 4]), [] as [Vec<usize>; 0]);
-        assert_eq!(parts(5, &pairs, &[]), [vec![1, 2, 3, 4]]);
+        let roller = Constraint { axes: Axes::of(&[1]), ..Constraint::hold([0]) };
+        assert_eq!(parts_of(4, &[[0, 1], [1, 2], [2, 3], [3, 1]], roller), [vec![1, 2, 3]]);
     }
 }
