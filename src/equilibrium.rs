@@ -19,6 +19,7 @@ mod search;
 pub use load_path::{CriticalKind, CriticalLoad, LoadPath, load_path};
 
 use self::search::Search;
+use crate::assembly::SymmetricMatrix;
 use crate::error::{Error, Invalid, Result, check_length};
 use crate::force::SpringGeometry;
 use crate::gradient::{Parameters, Point};
@@ -187,6 +188,12 @@ fn loads(system: &System, state: &State, factor: f64) -> Vec<Vector3<f64>> {
     forces
 }
 
+fn minus_k(system: &System, state: &State, option: Stiffness) -> Result<SymmetricMatrix> {
+    let mut matrices = Matrices::new(system)?;
+    matrices.update(state, option)?;
+    Ok(matrices.k().scaled(-1.0))
+}
+
 impl Equilibrium {
     /// The derivatives of a cost by parameters, from its derivatives `∂J/∂x` by the positions at the equilibrium. Of positions, those of held
     /// coordinates count; damping and velocities are zero.
@@ -203,12 +210,11 @@ impl Equilibrium {
         if system.has_other_laws() {
             return Err(Error::Unsupported("gradients are those of the built-in spring law".into()));
         }
-        let mut matrices = Matrices::new(system)?;
-        matrices.update(&self.state, Stiffness::Full)?;
+        let stiffness = minus_k(system, &self.state, Stiffness::Full)?;
         let dofs = system.dofs();
         let mut adjoint = dofs.reduced(positions);
         if !adjoint.is_empty() {
-            let factored = matrices.k().scaled(-1.0).ldlt();
+            let factored = stiffness.ldlt();
             adjoint = factored.map_err(|error| Error::Unsupported(error.to_string()))?.solve(&adjoint)?;
         }
         let geometry = SpringGeometry::at(system, &self.state)?;

@@ -172,12 +172,10 @@ mod tests {
             let n = a.order();
             let masses: Vec<f64> = (0..n).map(|k| 1.0 + (k % 5) as f64).collect();
             let pencil = Pencil { masses: Some(&masses), ..Pencil::of(&a) };
-            let mut dense = DMatrix::zeros(n, n);
-            for (row, column, value) in a.iter() {
-                let value = value / (masses[row] * masses[column]).sqrt();
-                (dense[(row, column)], dense[(column, row)]) = (value, value);
-            }
-            let eigen = dense.symmetric_eigen();
+            let dense = DMatrix::from(&a.to_csc());
+            let scaled =
+                DMatrix::from_fn(n, n, |row, column| dense[(row, column)] / (masses[row] * masses[column]).sqrt());
+            let eigen = scaled.symmetric_eigen();
             let mut order: Vec<usize> = (0..n).collect();
             order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
             let blurred = |k: usize| {

@@ -332,10 +332,9 @@ impl<'a> ShiftInvert<'a> {
         space.refresh(&mut solve);
         let longest = 40 + wanted;
         let mut found = space.iterate(tolerance, longest, &mut solve, None);
-        let below = |pairs: &[Ritz], edge: f64| pairs.iter().filter(|pair| shift + pair.value.recip() < edge).count();
         for _ in 0..wanted {
-            let is_due = due.is_none_or(|(edge, count)| below(&found, edge) >= count);
-            if is_due && found.len() >= wanted.min(n) {
+            let below = |edge: f64| found.iter().filter(|pair| shift + pair.value.recip() < edge).count();
+            if due.is_none_or(|(edge, count)| below(edge) >= count) && found.len() >= wanted.min(n) {
                 break;
             }
             space.refresh(&mut solve);

@@ -199,11 +199,9 @@ fn no_eigenvalue_of_a_random_pencil_is_missed() {
         let values: Vec<f64> = (0..n).map(|_| drawn[rng.next_u32() as usize % kinds]).collect();
         let (a, masses) = pencil(&mut rng, &values);
         let masses = (case % 3 != 0).then_some(&masses[..]);
-        let mut dense = DMatrix::zeros(n, n);
-        for (r, c, value) in a.iter() {
-            let scaled = value / masses.map_or(1.0, |m| (m[r] * m[c]).sqrt());
-            (dense[(r, c)], dense[(c, r)]) = (scaled, scaled);
-        }
+        let dense = DMatrix::from(&a.to_csc());
+        let root = |r: usize, c: usize| masses.map_or(1.0, |m| (m[r] * m[c]).sqrt());
+        let dense = DMatrix::from_fn(n, n, |r, c| dense[(r, c)] / root(r, c));
         let mut expected: Vec<f64> = SymmetricEigen::new(dense).eigenvalues.iter().copied().collect();
         expected.sort_by(f64::total_cmp);
         let size = expected.iter().fold(1e-300f64, |size, value| size.max(value.abs()));

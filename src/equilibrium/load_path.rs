@@ -13,11 +13,9 @@
 //! at rest and K_g the transverse terms of the tensions per unit of load. It neglects how shape and tensions change on the way.
 
 use super::search::SINGULAR;
-use super::{Equilibrium, EquilibriumOptions, Stability, equilibrium, loads};
-use crate::assembly::SymmetricMatrix;
+use super::{Equilibrium, EquilibriumOptions, Stability, equilibrium, loads, minus_k};
 use crate::eigen::{Pencil, product};
 use crate::error::{Invalid, Result};
-use crate::integrate::Matrices;
 use crate::linear::{Ldlt, dot, norm};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -137,16 +135,10 @@ impl Path<'_> {
         distance > 1e-4 * size
     }
 
-    fn stiffness(&self, state: &State, option: Stiffness) -> Result<SymmetricMatrix> {
-        let mut matrices = Matrices::new(self.system)?;
-        matrices.update(state, option)?;
-        Ok(matrices.k().scaled(-1.0))
-    }
-
     /// The slope `dx/dλ = (−K)⁻¹ p` of the path on the free degrees of freedom; `None` where −K is singular. Free motions, along which no load acts,
     /// are shifted off zero.
     fn tangent(&self, at: &Equilibrium) -> Result<Option<DVector<f64>>> {
-        let mut a = self.stiffness(&at.state, Stiffness::Full)?;
+        let mut a = minus_k(self.system, &at.state, Stiffness::Full)?;
         if at.inertia.zero > 0 {
             let norm = Pencil::of(&a).norm();
             a.shift(SINGULAR * norm);
@@ -240,7 +232,7 @@ impl Path<'_> {
 
     /// The eigenvalue of −K nearest to zero, in N/m, and its eigenvector, by inverse iteration.
     fn softest(&self, state: &State) -> Result<(f64, Vec<f64>)> {
-        let a = self.stiffness(state, Stiffness::Full)?;
+        let a = minus_k(self.system, state, Stiffness::Full)?;
         let mut direction: Vec<f64> = (0..a.pattern().order()).map(|row| 1.0 + 0.5 * (row as f64).sin()).collect();
         if let Ok(mut factored) = a.ldlt() {
             for _ in 0..20 {
@@ -259,8 +251,8 @@ impl Path<'_> {
         }
         let small = 1e-6;
         let little = self.at(small, &rest.state)?;
-        let axial = self.stiffness(&little.state, Stiffness::Axial)?;
-        let full = self.stiffness(&little.state, Stiffness::Full)?;
+        let axial = minus_k(self.system, &little.state, Stiffness::Axial)?;
+        let full = minus_k(self.system, &little.state, Stiffness::Full)?;
         let mut factorization = Ldlt::analyse(axial.pattern(), Par::rayon(0))?;
         let mut is_positive = |factor: f64| {
             let part = factor / small;

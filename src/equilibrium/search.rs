@@ -70,6 +70,17 @@ pub(super) struct Search<'s> {
     pub work: Work,
 }
 
+/// The forces that rounding of positions makes, `u k/l0 ‖x‖` of a spring's farther end. No search gets below these.
+fn rounding(system: &System, state: &State, geometry: &SpringGeometry) -> [f64; 2] {
+    let springs = geometry.springs(system).map(|((_, ends, spring), _)| {
+        let farther = ends.iter().fold(0.0f64, |farther, &end| farther.max(state.positions[end].amax()));
+        (ends, spring.axial_stiffness() * farther * f64::EPSILON)
+    });
+    let springs: Vec<_> = springs.collect();
+    let one = springs.iter().map(|(_, force)| *force).fold(0.0, f64::max);
+    [one, largest(&sums_at_ends(system, springs.into_iter()))]
+}
+
 impl<'s> Search<'s> {
     pub fn new(system: &'s System, state: &State, options: EquilibriumOptions) -> Result<Self> {
         state.check(system)?;
@@ -81,6 +92,7 @@ impl<'s> Search<'s> {
         let work = Work { symbolic_factorizations: 1, ..Work::default() };
         let mut search = Self {
             solver: Solver::new(system, matrices.k())?,
+            rounding: rounding(system, &state, &geometry),
             loads: loads(system, &state, options.load),
             force: vec![0.0; system.dofs().len()],
             projection: Projection::new(system),
@@ -90,7 +102,6 @@ impl<'s> Search<'s> {
             state,
             geometry,
             acting: 0.0,
-            rounding: [0.0; 2],
             energy: 0.0,
             is_free,
             shift: 0.0,
@@ -100,7 +111,6 @@ impl<'s> Search<'s> {
             lowest: None,
             work,
         };
-        search.rounding = search.rounding();
         search.evaluate();
         Ok(search)
     }
@@ -124,18 +134,6 @@ impl<'s> Search<'s> {
 
     fn work_of_loads(&self) -> f64 {
         self.loads.iter().zip(&self.state.positions).map(|(f, x)| f.dot(x)).sum()
-    }
-
-    /// The forces that rounding of positions makes, `u k/l0 ‖x‖` of a spring's farther end. No search gets below these.
-    fn rounding(&self) -> [f64; 2] {
-        let springs = || {
-            self.geometry.springs(self.system).map(|((_, ends, spring), _)| {
-                let farther = ends.iter().fold(0.0f64, |farther, &end| farther.max(self.state.positions[end].amax()));
-                (ends, spring.axial_stiffness() * farther * f64::EPSILON)
-            })
-        };
-        let one = springs().map(|(_, force)| force).fold(0.0, f64::max);
-        [one, largest(&sums_at_ends(self.system, springs()))]
     }
 
     /// The largest sum of k/l0 at a particle, in N/m.

@@ -52,9 +52,8 @@ fn truss(height: f64) -> (SystemBuilder, f64) {
 }
 
 fn lowest_eigenvalue(system: &System, state: &State) -> [f64; 2] {
-    let mut matrices = Matrices::new(system).unwrap();
-    matrices.update(state, Stiffness::Full).unwrap();
-    let eigenvalues = -nalgebra::DMatrix::from(&matrices.k().to_csc()).symmetric_eigenvalues();
+    let minus_k = minus_k(system, state, Stiffness::Full).unwrap();
+    let eigenvalues = nalgebra::DMatrix::from(&minus_k.to_csc()).symmetric_eigenvalues();
     [eigenvalues.min(), eigenvalues.amax()]
 }
 

@@ -61,16 +61,15 @@ impl<'s> Jacobian<'s> {
     /// `D u`, or `Dᵀ u`, on all particles.
     pub(super) fn turned(&self, u: &[Vector3<f64>], is_transposed: bool) -> Vec<Vector3<f64>> {
         let mut result = vec![Vector3::zeros(); u.len()];
+        let Self { system, geometry, velocities: v, .. } = self;
         if !is_transposed {
-            add_damping_differential(self.system, &self.geometry, &self.velocities, u, &mut result);
+            add_damping_differential(system, geometry, v, u, &mut result);
             return result;
         }
-        for ((_, [i, j], spring), at) in self.geometry.springs(self.system) {
-            if spring.damping > 0.0 {
-                let change = turning_adjoint(spring, at, &(self.velocities[i] - self.velocities[j]), &(u[i] - u[j]));
-                result[i] += change;
-                result[j] -= change;
-            }
+        for ((_, [i, j], spring), at) in geometry.springs(system).filter(|((.., spring), _)| spring.damping > 0.0) {
+            let change = turning_adjoint(spring, at, &(v[i] - v[j]), &(u[i] - u[j]));
+            result[i] += change;
+            result[j] -= change;
         }
         result
     }

@@ -181,10 +181,7 @@ pub enum LargestStep {
 impl LargestStep {
     /// The step, in s; `None` without a limit, or where it is unknown.
     pub fn dt(&self) -> Option<f64> {
-        match *self {
-            Self::Every | Self::Unknown => None,
-            Self::UpTo { dt, .. } => Some(dt),
-        }
+        if let Self::UpTo { dt, .. } = *self { Some(dt) } else { None }
     }
 }
 
@@ -285,9 +282,10 @@ impl<'s> CriticalSteps<'s> {
             if accepted / bound.s - 1.0 <= bound.rounding {
                 break;
             }
-            let halfway = if bound.s > 0.0 { (bound.s * accepted).sqrt() } else { accepted / 16.0 };
-            let trial = (bound.s * (1.0 + margin.max(bound.rounding / 2.0))).min(halfway);
-            let trial = if bound.s > 0.0 { trial } else { halfway };
+            let trial = match bound.s > 0.0 {
+                true => (bound.s * (1.0 + margin.max(bound.rounding / 2.0))).min((bound.s * accepted).sqrt()),
+                false => accepted / 16.0,
+            };
             if trial == 0.0 {
                 return LargestStep::Every;
             }

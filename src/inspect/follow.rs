@@ -138,9 +138,6 @@ impl FirstLosses {
 /// from work alone, by the [energy balance](Monitor). The first three are properties of a state, known before the step that goes wrong; the last
 /// follows a wrong step.
 pub struct Follower<'s> {
-    system: &'s System,
-    option: Stiffness,
-    dt: f64,
     definiteness: DefinitenessWatch<'s>,
     stability: Option<DefinitenessWatch<'s>>,
     /// Positions and springs at the last state.
@@ -157,9 +154,6 @@ impl<'s> Follower<'s> {
     /// Coincident ends of a spring; a matrix that is too large.
     pub fn new(system: &'s System, start: &State, option: Stiffness, dt: f64, par: Par) -> Result<Self> {
         let mut follower = Self {
-            system,
-            option,
-            dt,
             definiteness: DefinitenessWatch::new(system, start, option, dt, par)?,
             stability: (option == Stiffness::Axial)
                 .then(|| DefinitenessWatch::of(Property::Stable, system, start, option, dt, par))
@@ -178,17 +172,18 @@ impl<'s> Follower<'s> {
     /// # Errors
     /// Coincident ends of a spring.
     pub fn look(&mut self, step: u64, state: &State) -> Result<(), DegenerateSpring> {
+        let DefinitenessWatch { dt, pencil: MatrixPencil { system, option, .. }, .. } = &self.definiteness;
         let passed = Passed { step, time: state.time };
         if self.first.turning.is_none() {
             let moved: Vec<_> = state.positions.iter().zip(&self.before).map(|(x, before)| x - before).collect();
-            let worst = Turn::worst(self.system, &self.extensions, &moved, self.dt, self.option);
+            let worst = Turn::worst(system, &self.extensions, &moved, *dt, *option);
             self.first.turning = worst.filter(|turn| turn.excess() > 1.0).map(|turn| (passed, turn));
             self.before.clone_from(&state.positions);
-            self.extensions.update(self.system, state)?;
+            self.extensions.update(system, state)?;
         }
         if self.first.energy.is_none() {
             // It does not end the run.
-            let _ = self.monitor.enter(step, state, self.dt);
+            let _ = self.monitor.enter(step, state, *dt);
             self.first.energy = self.gain(state).map(|gain| (passed, gain));
         }
         self.look_at(step, state)

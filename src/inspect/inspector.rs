@@ -10,17 +10,15 @@ use super::oracle::Oracle;
 use super::rotation_limit::RotationLimit;
 use super::smallest_set::{self, Trial};
 use super::spectrum::{LARGEST_DENSE, spectrum_with};
-use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::eigen::{Accuracy, Pencil, ShiftInvert};
 use crate::error::{Error, Result};
 use crate::force::SpringGeometry;
-use crate::linear::{FactorSize, Ldlt};
+use crate::linear::FactorSize;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use crate::work::Work;
 use faer::Par;
-use std::sync::Arc;
 
 /// Operations of an inspection by default: about a minute.
 pub const AFFORDABLE: f64 = 1e12;
@@ -96,11 +94,10 @@ impl Inspection {
 struct Inspector<'s> {
     system: &'s System,
     extensions: SpringGeometry,
-    pattern: Arc<SpringPattern>,
+    oracle: Oracle,
     critical: CriticalSteps<'s>,
     rotation: RotationLimit<'s>,
     counter: InertiaCounter,
-    factorization: Ldlt,
     /// The option whose A is factored, and positive definite.
     factored: Option<Stiffness>,
     budget: Budget,
@@ -112,33 +109,32 @@ struct Inspector<'s> {
 impl<'s> Inspector<'s> {
     fn new(system: &'s System, state: &'s State, dt: f64, option: Stiffness, par: Par, most: f64) -> Result<Self> {
         let extensions = SpringGeometry::at(system, state)?;
-        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
-        let factorization = Ldlt::analyse(pattern.pattern(), par)?;
-        let oracle = || Ok::<_, Error>(Oracle::new(pattern.clone(), Ldlt::sharing(&factorization)?));
+        let mut work = Work::default();
+        let oracle = Oracle::analyse(system, par, &mut work)?;
         Ok(Self {
             system,
-            critical: CriticalSteps::analysed(system, extensions.clone(), oracle()?)?,
-            rotation: RotationLimit::analysed(system, state, extensions.clone(), oracle()?),
-            counter: InertiaCounter::sharing(&factorization)?,
-            budget: Budget::new(&factorization.size(), system.dofs().len(), most),
-            factorization,
+            critical: CriticalSteps::analysed(system, extensions.clone(), oracle.sharing()?)?,
+            rotation: RotationLimit::analysed(system, state, extensions.clone(), oracle.sharing()?),
+            counter: InertiaCounter::sharing(&oracle.factorization)?,
+            budget: Budget::new(&oracle.factorization.size(), system.dofs().len(), most),
+            oracle,
             factored: None,
-            pattern,
-            work: Work { symbolic_factorizations: 1, ..Work::default() },
+            work,
             found: Inspection { par, ..Inspection::unknown(system, &extensions, dt, option, SkipReason::Interrupted) },
             extensions,
         })
     }
 
-    fn matrix_of_step(&mut self, option: Stiffness) -> (SystemOperator<'s>, SymmetricMatrix) {
+    /// A of the step under an option, by products, and as the matrix of the oracle.
+    fn assemble_step(&mut self, option: Stiffness) -> SystemOperator<'s> {
         let operator = SystemOperator::new(self.system, &self.extensions, option, Combination::step(self.found.dt));
-        let a = self.assembled(&operator);
-        (operator, a)
+        self.assemble(&operator);
+        operator
     }
 
-    fn assembled(&mut self, operator: &SystemOperator<'_>) -> SymmetricMatrix {
+    fn assemble(&mut self, operator: &SystemOperator<'_>) {
         self.work.assemblies += 1;
-        SystemMatrix::assemble(self.pattern.clone(), operator).into_matrix()
+        self.oracle.matrix.refill(operator);
     }
 
     fn facts(&self) -> Facts {
@@ -164,15 +160,17 @@ impl<'s> Inspector<'s> {
         match part {
             Part::FirstAnswer => {
                 let option = self.found.option;
-                let (operator, a) = self.matrix_of_step(option);
-                let Self { system, extensions, factorization, work, found, .. } = self;
-                found.first = quick_check(system, extensions, option, &a, &operator, factorization, work);
+                let operator = self.assemble_step(option);
+                let Self { system, extensions, oracle: Oracle { matrix, factorization, .. }, work, found, .. } = self;
+                let a = matrix.matrix();
+                found.first = quick_check(system, extensions, option, a, &operator, factorization, work);
                 self.factored = self.found.first.as_ref().filter(|first| first.definite).map(|_| option);
             }
             Part::Signs(option) => {
-                let (operator, a) = self.matrix_of_step(option);
-                let inertia = definite_by_blocks(&operator, &a, operator.mass_factor());
-                let inertia = inertia.unwrap_or_else(|| self.counter.count(&a, &mut self.work));
+                let operator = self.assemble_step(option);
+                let a = self.oracle.matrix.matrix();
+                let inertia = definite_by_blocks(&operator, a, operator.mass_factor());
+                let inertia = inertia.unwrap_or_else(|| self.counter.count(a, &mut self.work));
                 self.found.options[option as usize].inertia = inertia;
             }
             Part::GrowingModes => {
@@ -181,8 +179,8 @@ impl<'s> Inspector<'s> {
                 self.found.growing_modes = if operator.has_no_negative_block() {
                     0
                 } else {
-                    let minus_k = self.assembled(&operator);
-                    self.counter.count(&minus_k, &mut self.work).negative
+                    self.assemble(&operator);
+                    self.counter.count(self.oracle.matrix.matrix(), &mut self.work).negative
                 };
             }
             Part::Spectrum(option) => self.spectrum(option),
@@ -200,9 +198,8 @@ impl<'s> Inspector<'s> {
             Part::Turning(option) => self.turning(option),
             Part::SmallestSet => {
                 if !known {
-                    let Self { system, extensions, pattern, factorization, counter, work, found, .. } = self;
-                    let oracle = Oracle::new(pattern.clone(), Ldlt::sharing(factorization)?);
-                    let trial = Trial::new(system, extensions, found.dt, oracle);
+                    let Self { system, extensions, oracle, counter, work, found, .. } = self;
+                    let trial = Trial::new(system, extensions, found.dt, oracle.sharing()?);
                     let negative = found.options[0].inertia.negative;
                     found.smallest_set = Some(smallest_set::search(trial, negative, counter, work));
                 }
@@ -219,7 +216,7 @@ impl<'s> Inspector<'s> {
     /// `Tension` stands for all but `Axial`, see [`RotationLimit::worst`].
     fn turning(&mut self, option: Stiffness) {
         if self.factored == Some(option) {
-            self.rotation.take_over(option, self.found.dt, &mut self.factorization);
+            self.rotation.take_over(option, self.found.dt, &mut self.oracle.factorization);
             self.factored = None;
         }
         let (limit, worst) = self.rotation.limit_and_worst(option, self.found.dt);
@@ -239,7 +236,8 @@ impl<'s> Inspector<'s> {
             tension.within = full.within;
             return;
         }
-        let (operator, a) = self.matrix_of_step(option);
+        let operator = self.assemble_step(option);
+        let a = self.oracle.matrix.matrix();
         let inertia = self.found.options[option as usize].inertia;
         let is_examined = option == self.found.option;
         // A large matrix that is definite has no directions to examine: λ_min alone.
@@ -252,8 +250,8 @@ impl<'s> Inspector<'s> {
             InertiaMethod::Springs => operator.mass_factor() * self.system.free_masses()[0],
             _ => f64::NEG_INFINITY,
         };
-        let pencil = Pencil { products: &operator, ..Pencil::of(&a) };
-        let mut search = ShiftInvert::new(pencil, &mut self.factorization, &mut self.work);
+        let pencil = Pencil { products: &operator, ..Pencil::of(a) };
+        let mut search = ShiftInvert::new(pencil, &mut self.oracle.factorization, &mut self.work);
         (search.is_factored, search.within[0]) = (self.factored == Some(option), floor);
         let spectrum = spectrum_with(&mut search, &inertia, wanted, accuracy);
         self.factored = search.is_factored.then_some(option);

@@ -111,6 +111,7 @@ mod tests {
     use super::{Necessity, fewest};
     use crate::assembly::SpringPattern;
     use crate::force::SpringGeometry;
+    use crate::integrate::StepMatrices;
     use crate::operator::{Combination, SystemOperator};
     use crate::spring::{Spring, Stiffness};
     use crate::system::SystemBuilder;
@@ -143,21 +144,9 @@ mod tests {
         let pattern = SpringPattern::of_stiffness(&system).unwrap();
         let column = vec![(0, 0.3), (1, -0.2), (2, 0.1), (3, -0.3), (4, 0.2), (5, -0.1)];
         let found = Necessity { operator: &operator, pattern: &pattern }.need([0, 1], std::slice::from_ref(&column));
-        // Entries of A by the blocks of its springs, of the middle and eleven others.
-        let mut a = DMatrix::zeros(36, 36);
-        for (p, mass) in system.masses().iter().enumerate().take(12) {
-            (3 * p..3 * p + 3).for_each(|row| a[(row, row)] += mass);
-        }
-        for ((_, ends, _), block) in system.active().zip(operator.blocks()) {
-            for (sign, p, q) in
-                [(1.0, ends[0], ends[0]), (1.0, ends[1], ends[1]), (-1.0, ends[0], ends[1]), (-1.0, ends[1], ends[0])]
-            {
-                if p.max(q) < 12 {
-                    let mut part = a.view_mut((3 * p, 3 * q), (3, 3));
-                    part += block.matrix() * sign;
-                }
-            }
-        }
+        // Entries of A, of the middle and eleven others.
+        let a = StepMatrices::assemble(&system, &state, Stiffness::Tension, 1.0).unwrap().a;
+        let a = DMatrix::from(&a.to_csc()).view((0, 0), (36, 36)).into_owned();
         let mut n = DVector::zeros(36);
         column.iter().for_each(|&(row, value)| n[row] = value);
         let expected = n.dot(&a.cholesky().unwrap().solve(&n));

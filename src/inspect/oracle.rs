@@ -16,15 +16,17 @@ pub(super) struct Oracle {
 }
 
 impl Oracle {
-    pub fn new(pattern: Arc<SpringPattern>, factorization: Ldlt) -> Self {
-        Self { matrix: SystemMatrix::zeros(pattern.clone()), pattern, factorization }
-    }
-
     pub fn analyse(system: &System, par: Par, work: &mut Work) -> Result<Self> {
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let factorization = Ldlt::analyse(pattern.pattern(), par)?;
         work.symbolic_factorizations += 1;
-        Ok(Self::new(pattern, factorization))
+        Ok(Self { matrix: SystemMatrix::zeros(pattern.clone()), pattern, factorization })
+    }
+
+    /// One with its own matrix and factor.
+    pub fn sharing(&self) -> Result<Self> {
+        let (pattern, factorization) = (self.pattern.clone(), Ldlt::sharing(&self.factorization)?);
+        Ok(Self { matrix: SystemMatrix::zeros(pattern.clone()), pattern, factorization })
     }
 
     pub fn factor(&mut self, operator: &SystemOperator, work: &mut Work) -> Result<(), NonPositivePivot> {
