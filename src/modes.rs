@@ -343,9 +343,8 @@ pub(crate) fn uncounted(
     let products = shifted(0.0, Stiffness::Full);
     let mut apply = scaled_products(&products, Some(masses));
     let mut precondition = preconditioner(multigrid.as_mut(), Some(masses), work);
-    let mut space = BlockLanczos::new(n, Some(masses), search, 5);
-    space.start(rigid.iter().map(|pair| &pair.vector[..]), &mut apply);
-    space.refresh(&mut apply);
+    let rigid = rigid.iter().map(|pair| &pair.vector[..]);
+    let mut space = BlockLanczos::from(n, Some(masses), search, 5, rigid, &mut apply);
     let tolerance = Tolerance { of_value: 1e-7, of_norm: 1e-14 };
     let found = space.iterate(tolerance, 300, &mut apply, Some(&mut precondition));
     Ok(found.into_iter().take(wanted).map(Eigenpair::from).collect())

@@ -204,19 +204,27 @@ pub(crate) struct BlockLanczos<'m> {
 }
 
 impl<'m> BlockLanczos<'m> {
-    pub fn new(n: usize, masses: Option<&'m [f64]>, search: Search, seed: u64) -> Self {
+    /// The space of some vectors and a block of random ones.
+    pub fn from<'v>(
+        n: usize,
+        masses: Option<&'m [f64]>,
+        search: Search,
+        seed: u64,
+        vectors: impl IntoIterator<Item = &'v [f64]>,
+        apply: &mut Product<'_>,
+    ) -> Self {
         let (wanted, capacity) = (search.wanted.min(n), search.capacity.min(n));
         let zeros = |rows| DMatrix::zeros(rows, capacity);
         let (basis, products, projected) = (zeros(n), zeros(n), zeros(capacity));
         let rng = Xoshiro256PlusPlus::seed_from_u64(seed);
-        Self { n, masses, search: Search { wanted, ..search }, basis, products, projected, size: 0, rng }
-    }
-
-    pub fn start<'v>(&mut self, vectors: impl IntoIterator<Item = &'v [f64]>, apply: &mut Product<'_>) {
+        let search = Search { wanted, ..search };
+        let mut space = Self { n, masses, search, basis, products, projected, size: 0, rng };
         let columns: Vec<_> = vectors.into_iter().map(DVector::from_column_slice).collect();
         if !columns.is_empty() {
-            self.extend(DMatrix::from_columns(&columns), apply);
+            space.extend(DMatrix::from_columns(&columns), apply);
         }
+        space.refresh(apply);
+        space
     }
 
     pub fn refresh(&mut self, apply: &mut Product<'_>) {
@@ -484,8 +492,7 @@ fn largest_of_tridiagonal(alpha: &[f64], beta: &[f64], floor: f64) -> (f64, f64)
 /// `None` where a product is not finite.
 pub(crate) fn probe(n: usize, masses: Option<&[f64]>, steps: usize, apply: &mut Product<'_>) -> Option<[Ritz; 2]> {
     let search = Search { end: End::Lowest, wanted: 1, block: 1, capacity: steps };
-    let mut space = BlockLanczos::new(n, masses, search, 2);
-    space.refresh(apply);
+    let mut space = BlockLanczos::from(n, masses, search, 2, [], apply);
     while space.size > 0 && space.size < space.basis.ncols() {
         let product = space.products.columns(space.size - 1, 1).into_owned();
         if !space.extend(product, apply) {

@@ -327,9 +327,9 @@ impl<'a> ShiftInvert<'a> {
         };
         // θ is positive above σ and negative below it.
         let of_inverse = if end == End::Lowest { End::Highest } else { End::Farthest };
-        let mut space = BlockLanczos::new(n, masses, Search::new(of_inverse, wanted, SOLVE_COLUMNS), 1);
-        space.start(before.iter().map(|pair| &pair.vector[..]), &mut solve);
-        space.refresh(&mut solve);
+        let search = Search::new(of_inverse, wanted, SOLVE_COLUMNS);
+        let before = before.iter().map(|pair| &pair.vector[..]);
+        let mut space = BlockLanczos::from(n, masses, search, 1, before, &mut solve);
         let longest = 40 + wanted;
         let mut found = space.iterate(tolerance, longest, &mut solve, None);
         for _ in 0..wanted {

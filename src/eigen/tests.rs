@@ -48,8 +48,7 @@ fn outermost_eigenvalues_of_a_diagonal() {
             [(End::Highest, [9.0, 9.0, 7.0]), (End::Lowest, [-12.0, -12.0, -8.0]), (End::Farthest, [-12.0, -12.0, 9.0])]
         {
             let mut apply = diagonal(n, value);
-            let mut space = BlockLanczos::new(n, inner, Search::new(end, 3, 4), 1);
-            space.refresh(&mut apply);
+            let mut space = BlockLanczos::from(n, inner, Search::new(end, 3, 4), 1, [], &mut apply);
             let pairs = space.iterate(of_norm(1e-9), 200, &mut apply, None);
             for (pair, expected) in pairs.iter().zip(expected) {
                 assert!((pair.value - expected).abs() < 1e-9, "{end:?} {} {expected}", pair.value);
@@ -79,8 +78,7 @@ fn preconditioned_residuals_lead_to_the_low_end() {
     };
     let mut precondition = diagonal(n, |k| 1.0 / about(k));
     let search = Search { end: End::Lowest, wanted: 3, block: 3, capacity: 16 };
-    let mut space = BlockLanczos::new(n, None, search, 5);
-    space.refresh(&mut apply);
+    let mut space = BlockLanczos::from(n, None, search, 5, [], &mut apply);
     let found = space.iterate(Tolerance { of_value: 1e-8, of_norm: 0.0 }, 60, &mut apply, Some(&mut precondition));
     for (found, expected) in found.iter().zip([-3.0, -3.0, 17.0]) {
         approx::assert_relative_eq!(found.value, expected, max_relative = 1e-10);
@@ -94,8 +92,14 @@ fn spaces_are_as_large_as_they_may_be() {
     let n = 200;
     let mut apply = diagonal(n, |k| (k * k) as f64);
     for longest in [0, 1, 30] {
-        let mut space = BlockLanczos::new(n, None, Search { end: End::Lowest, wanted: 2, block: 2, capacity: 9 }, 1);
-        space.refresh(&mut apply);
+        let mut space = BlockLanczos::from(
+            n,
+            None,
+            Search { end: End::Lowest, wanted: 2, block: 2, capacity: 9 },
+            1,
+            [],
+            &mut apply,
+        );
         let mut products = 0;
         let mut counted = |x: &[f64], y: &mut [f64]| {
             products += x.len() / n;
@@ -104,8 +108,8 @@ fn spaces_are_as_large_as_they_may_be() {
         assert_eq!(space.iterate(of_norm(0.0), longest, &mut counted, None).len(), 2);
         assert_eq!(products, 2 * longest);
     }
-    let mut tiny = BlockLanczos::new(3, None, Search::new(End::Highest, 2, 4), 1);
-    tiny.refresh(&mut diagonal(3, |k| k as f64));
+    let search = Search::new(End::Highest, 2, 4);
+    let mut tiny = BlockLanczos::from(3, None, search, 1, [], &mut diagonal(3, |k| k as f64));
     tiny.refresh(&mut diagonal(3, |k| k as f64));
     let found = tiny.iterate(of_norm(1e-12), 9, &mut diagonal(3, |k| k as f64), None);
     assert!(found.len() == 3 && (found[0].value - 2.0).abs() < 1e-12 && found[2].value.abs() < 1e-12);
@@ -115,10 +119,7 @@ fn spaces_are_as_large_as_they_may_be() {
 fn nothing_is_no_direction() {
     let mut apply = diagonal(20, |_| 1.0);
     for vector in [[0.0; 20], [f64::INFINITY; 20], [f64::NAN; 20]] {
-        let mut space = BlockLanczos::new(20, None, Search::new(End::Highest, 1, 4), 1);
-        space.start([&vector[..]], &mut apply);
-        assert!(space.iterate(of_norm(1e-9), 10, &mut apply, None).is_empty());
-        space.refresh(&mut apply);
+        let mut space = BlockLanczos::from(20, None, Search::new(End::Highest, 1, 4), 1, [&vector[..]], &mut apply);
         assert!((space.iterate(of_norm(1e-9), 10, &mut apply, None)[0].value - 1.0).abs() < 1e-12);
     }
     assert_eq!(unit(vec![3.0, 4.0]), Some(vec![0.6, 0.8]));

@@ -326,9 +326,8 @@ impl<'s> CriticalSteps<'s> {
             }
             oracle.factorization.substitute_columns(n, y);
         };
-        let mut space = BlockLanczos::new(n, Some(masses), Search::new(End::Highest, 1, SOLVE_COLUMNS), 1);
-        space.start([u], &mut solve);
-        space.refresh(&mut solve);
+        let search = Search::new(End::Highest, 1, SOLVE_COLUMNS);
+        let mut space = BlockLanczos::from(n, Some(masses), search, 1, [u], &mut solve);
         let tolerance = Tolerance { of_value: 0.0, of_norm: 1e-10 };
         let found = space.iterate(tolerance, 12, &mut solve, None);
         found.into_iter().next().map_or_else(|| u.to_vec(), |pair| pair.image)

@@ -125,12 +125,10 @@ fn spectrum(
     let mut apply = scaled_products(a, None);
     let search = |end, block| Search { end, wanted: 1, block, capacity: 16 };
     let tolerance = Tolerance { of_value: 1e-3, of_norm: 0.0 };
-    let mut high = BlockLanczos::new(n, None, search(End::Highest, 1), 3);
-    high.refresh(&mut apply);
+    let mut high = BlockLanczos::from(n, None, search(End::Highest, 1), 3, [], &mut apply);
     let high = high.iterate(tolerance, 160, &mut apply, None);
-    let mut low = BlockLanczos::new(n, None, search(End::Lowest, 3), 4);
-    low.start(start.iter().map(|pair| &pair.vector[..]), &mut apply);
-    low.refresh(&mut apply);
+    let start = start.iter().map(|pair| &pair.vector[..]);
+    let mut low = BlockLanczos::from(n, None, search(End::Lowest, 3), 4, start, &mut apply);
     let low = low.iterate(tolerance, 40, &mut apply, Some(&mut preconditioner(multigrid, None, work)));
     let lowest: Vec<Eigenpair> = low.into_iter().map(Eigenpair::from).collect();
     let smallest = lowest.first().map_or(f64::NAN, |pair| pair.value);
