@@ -7,9 +7,6 @@
 //! There is one solver, `BlockLanczos`, for any operator B that is self-adjoint in the inner product `⟨x, y⟩ = xᵀMy`: `(A − σM)⁻¹M` by a sparse
 //! factorization (`ShiftInvert`), or A itself, preconditioned, where it cannot be factored.
 //!
-//! **Error bounds.** With `r = Aφ − λMφ` and `φᵀMφ = 1` there is an eigenvalue within `‖M^{-1/2} r‖` of λ (Parlett, The Symmetric Eigenvalue Problem,
-//! 4.5 and 15.9).
-//!
 //! **Block Lanczos** with full reorthogonalisation, locking and thick restarts. The basis V grows by a block of vectors at a time and is kept
 //! orthonormal, `VᵀMV = I`, by two passes of Gram–Schmidt. The Rayleigh–Ritz procedure takes from `H = VᵀMBV`
 //!
@@ -47,7 +44,7 @@ pub struct Eigenpair {
     pub value: f64,
     /// x, reduced, `xᵀMx = 1`.
     pub vector: Vec<f64>,
-    /// `‖M^{-1/2}(Ax − λMx)‖`: there is an eigenvalue within this distance of λ.
+    /// `‖M^{-1/2}(Ax − λMx)‖`: there is an eigenvalue within this distance of λ (Parlett, The Symmetric Eigenvalue Problem, 4.5 and 15.9).
     pub residual: f64,
 }
 

@@ -176,8 +176,7 @@ impl Path<'_> {
     fn advance(&self, start: Equilibrium, target: f64) -> Result<(Option<CriticalLoad>, Equilibrium)> {
         let factor = start.load;
         let last = self.at(target, &start.state)?;
-        // Motions that were free without a load have a direction now: what hangs has fallen, and no equilibrium led there. Under a load a motion
-        // without stiffness is a critical one.
+        // What hangs has fallen, and no equilibrium led there. Under a load a motion without stiffness is a critical one.
         if factor == 0.0 && last.inertia.zero < start.inertia.zero {
             return Ok((None, last));
         }

@@ -133,10 +133,8 @@ impl FirstLosses {
     }
 }
 
-/// Follows a run, for one option and one step length, and remembers where each of four properties was lost first: that A is
-/// [definite](DefinitenessWatch), that the step is [stable](Property::Stable), that it does not [rotate](Turn) springs too far, and that energy comes
-/// from work alone, by the [energy balance](Monitor). The first three are properties of a state, known before the step that goes wrong; the last
-/// follows a wrong step.
+/// Follows a run, for one option and one step length, and remembers where each of four [properties](FirstLosses) was lost first. The first three are
+/// properties of a state, known before the step that goes wrong; energy from nowhere, by the [energy balance](Monitor), follows a wrong step.
 pub struct Follower<'s> {
     definiteness: DefinitenessWatch<'s>,
     stability: Option<DefinitenessWatch<'s>>,

@@ -55,15 +55,20 @@ fn dense_factorizations_count_pivots_of_order_two() {
     }
 }
 
+/// `[1 1; 1 c]`, with a row of its own.
+fn nearly_singular(corner: f64) -> SymmetricMatrix {
+    banded(1, 0, |row, column| match (row, column) {
+        (0, 0) | (0, 1) | (1, 0) | (2, 2) => 1.0,
+        (1, 1) => corner,
+        _ => 0.0,
+    })
+}
+
 /// `[1 1; 1 1 − 2δ]` has an eigenvalue of −δ, and a norm of 2: with three rows the band is `±64 √3 u`, about 1.2e-14.
 #[test]
 fn what_lies_in_the_band_is_neither_negative_nor_positive() {
     for (delta, negative) in [(-3e-14, 0), (7e-15, 0), (3e-14, 1)] {
-        let a = banded(1, 0, |row, column| match (row, column) {
-            (0, 0) | (0, 1) | (1, 0) | (2, 2) => 1.0,
-            (1, 1) => 1.0 - 2.0 * delta,
-            _ => 0.0,
-        });
+        let a = nearly_singular(1.0 - 2.0 * delta);
         let (found, work) = counted(&a, InertiaMethod::Sparse);
         let zero = usize::from(delta.abs() < 1e-14);
         assert_eq!((found.negative, found.zero, found.positive), (negative, zero, 3 - negative - zero), "{delta}");
@@ -215,13 +220,7 @@ fn proven_counts_are_those_of_exact_arithmetic() {
 #[test]
 fn definite_is_proven_from_some_roundings_on() {
     for ulps in -300i32..=300 {
-        let corner = 1.0 + f64::from(ulps) * f64::EPSILON;
-        let a = banded(1, 0, |row, column| match (row, column) {
-            (1, 1) => corner,
-            (0, 0) | (0, 1) | (1, 0) | (2, 2) => 1.0,
-            _ => 0.0,
-        });
-        let found = Inertia::of(&a).unwrap();
+        let found = Inertia::of(&nearly_singular(1.0 + f64::from(ulps) * f64::EPSILON)).unwrap();
         assert!(ulps > 0 || !found.is_definite(), "{ulps}: {found:?}");
         assert!(ulps < 250 || found.is_definite() && found.proven, "{ulps}: {found:?}");
     }
