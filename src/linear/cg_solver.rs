@@ -11,11 +11,11 @@
 //! farther from the solution than zero, and costs two products with A.
 
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
-use super::options::PreconditionerKind;
-use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
+use super::options::{PreconditionerKind, SolverOptions};
+use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure, Solved};
 use super::preconditioner::{CustomPreconditioner, Preconditioner};
 use super::vector::dot;
-use super::{LinearSolver, Prepared, PreparedMatrix};
+use super::{LinearSolver, PreparedMatrix};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::operator::{LinearOperator, SystemOperator};
@@ -115,7 +115,8 @@ impl CgSolver {
     /// # Errors
     /// For multigrid, more matrix blocks than 32-bit indices can count.
     pub fn matrix_free(system: &System, preconditioner: PreconditionerKind, tolerance: f64) -> Result<Self> {
-        Self::new(system, preconditioner, tolerance, Application::MatrixFree)
+        let preconditioner = Preconditioner::new(preconditioner, system)?;
+        Ok(Self::from_parts(system, preconditioner, tolerance, Application::MatrixFree))
     }
 
     /// Matrix-free, with a custom preconditioner.
@@ -126,10 +127,13 @@ impl CgSolver {
     pub(super) fn new(
         system: &System,
         preconditioner: PreconditionerKind,
-        tolerance: f64,
+        options: &SolverOptions,
         application: Application,
     ) -> Result<Self> {
-        Ok(Self::from_parts(system, Preconditioner::new(preconditioner, system)?, tolerance, application))
+        let preconditioner = Preconditioner::new(preconditioner, system)?;
+        let mut solver = Self::from_parts(system, preconditioner, options.tolerance.strictest(), application);
+        solver.method.interrupt = options.interrupt;
+        Ok(solver)
     }
 
     fn from_parts(system: &System, preconditioner: Preconditioner, tolerance: f64, application: Application) -> Self {
@@ -165,13 +169,6 @@ impl CgSolver {
     }
 }
 
-impl Prepared<'_, CgSolver> {
-    /// The method: its parameters, and the direction of negative curvature after a failure.
-    pub fn method(&mut self) -> &mut ConjugateGradient {
-        self.solver.method()
-    }
-}
-
 impl LinearSolver for CgSolver {
     fn name(&self) -> &'static str {
         match self.application {
@@ -199,13 +196,7 @@ impl LinearSolver for CgSolver {
         self.method.tolerance = tolerance;
     }
 
-    fn solve(
-        &mut self,
-        a: PreparedMatrix<'_>,
-        b: &[f64],
-        x: &mut [f64],
-        work: &mut Work,
-    ) -> Result<Solution, SolveFailure> {
+    fn solve(&mut self, a: PreparedMatrix, b: &[f64], x: &mut [f64], work: &mut Work) -> Solved {
         if x.iter().all(|&x| x == 0.0) {
             let Self { application, warm_start, .. } = self;
             work.warm_starts += u64::from(match &*application {
@@ -223,14 +214,7 @@ impl LinearSolver for CgSolver {
         accept(&report)
     }
 
-    fn solve_aside(
-        &mut self,
-        a: PreparedMatrix<'_>,
-        b: &[f64],
-        x: &mut [f64],
-        tolerance: f64,
-        work: &mut Work,
-    ) -> Result<Solution, SolveFailure> {
+    fn solve_aside(&mut self, a: PreparedMatrix, b: &[f64], x: &mut [f64], tolerance: f64, work: &mut Work) -> Solved {
         x.fill(0.0);
         let own = std::mem::replace(&mut self.method.tolerance, tolerance);
         let report = self.iterate(&a, b, x, work);
@@ -239,7 +223,7 @@ impl LinearSolver for CgSolver {
     }
 }
 
-fn accept(report: &CgReport) -> Result<Solution, SolveFailure> {
+fn accept(report: &CgReport) -> Solved {
     let CgReport { outcome, iterations, relative_residual, .. } = *report;
     let not_converged = |reason| Err(SolveFailure::NotConverged { iterations, relative_residual, reason });
     match outcome {
@@ -305,14 +289,13 @@ mod tests {
         let scene = chain(500);
         let (a, b) = (operator(&scene, 1.0), right_hand_side(500));
         let (mut work, mut solver) = (Work::default(), solver(&scene.0, PreconditionerKind::BlockJacobi));
-        let mut prepared = solver.prepare(&a, &mut work).unwrap();
-        let own = std::mem::replace(&mut prepared.method().iteration_limit, 400);
+        let own = std::mem::replace(&mut solver.method().iteration_limit, 400);
         let mut x = [0.0; 500];
-        let failure = prepared.solve(&b, &mut x, &mut work).unwrap_err();
+        let failure = solver.prepare(&a, &mut work).unwrap().solve(&b, &mut x, &mut work).unwrap_err();
         let SolveFailure::NotConverged { iterations, reason, .. } = failure else { panic!("{failure}") };
         assert_eq!((iterations, reason), (400, NotConverged::IterationLimit));
-        prepared.method().iteration_limit = own;
-        prepared.solve(&b, &mut x, &mut work).unwrap();
+        solver.method().iteration_limit = own;
+        solver.prepare(&a, &mut work).unwrap().solve(&b, &mut x, &mut work).unwrap();
     }
 
     /// Coarse matrices are made from some ten thousand rows at a time. With several times as many the coarse levels are as good.

@@ -1,9 +1,9 @@
 //! The sparse factorizations as a time step's solvers: refill, refactor, solve, and measure the residual.
 
 use super::analysis::{Analysis, FactorReport, NonPositivePivot};
-use super::factorization::{Cholesky, Ldlt};
+use super::factorization::{Cholesky, Factorization, Ldl, Ldlt, Llt, SolvingKind};
 use super::ordering::FactorSize;
-use super::outcome::{Definiteness, Evidence, Solution, SolveFailure};
+use super::outcome::{Definiteness, Evidence, Solution, SolveFailure, Solved};
 use super::vector::{backward_error, norm, scaling};
 use super::{LinearSolver, PreparedMatrix};
 use crate::assembly::{SpringPattern, SystemMatrix};
@@ -17,29 +17,39 @@ use std::sync::Arc;
 /// Backward error up to which an LDLᵀ solution is accepted: above the 30 units in the last place of a stable solve, a hundredth of CG's default.
 const TRUSTED_BACKWARD_ERROR: f64 = 1e-12;
 
-/// The assembled matrix and the residual of its solutions.
-#[derive(Debug)]
-struct Assembled {
+/// The assembled matrix, its factorization, and the residual of its solutions.
+struct Assembled<K> {
     matrix: SystemMatrix,
+    factorization: Factorization<K>,
     residual: Vec<f64>,
     /// The right-hand side times a [power of two](scaling), and that power.
     scaled: Vec<f64>,
     factor: f64,
 }
 
-impl Assembled {
-    fn new(system: &System, pattern: Arc<SpringPattern>) -> Result<Self> {
-        let zeros = || vec![0.0; system.dofs().len()];
-        Ok(Self { matrix: SystemMatrix::try_zeros(pattern)?, residual: zeros(), scaled: zeros(), factor: 1.0 })
+impl<K: SolvingKind> Assembled<K> {
+    fn new(matrix: SystemMatrix, factorization: Factorization<K>) -> Self {
+        let zeros = || vec![0.0; matrix.matrix().order()];
+        let (residual, scaled) = (zeros(), zeros());
+        Self { matrix, factorization, residual, scaled, factor: 1.0 }
     }
 
-    /// Sets the right-hand side, also as the x to be substituted into.
-    fn scale(&mut self, b: &[f64], x: &mut [f64]) {
+    fn factorize(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
+        self.matrix.refill(a);
+        work.factorizations += 1;
+        self.factorization.factor(self.matrix.matrix()).map_err(|pivot| self.failure(pivot))
+    }
+
+    /// Sets x and its residual.
+    fn substitute(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], work: &mut Work) {
+        work.solves += 1;
         self.factor = scaling(b);
         for (scaled, b) in self.scaled.iter_mut().zip(b) {
             *scaled = b * self.factor;
         }
         x.copy_from_slice(&self.scaled);
+        self.factorization.substitute(x);
+        self.set_residual(a, x);
     }
 
     /// `r = b − A x` with the matrix-free product, which shares no entry with the assembled matrix.
@@ -51,7 +61,7 @@ impl Assembled {
     }
 
     /// Undoes the scaling of x, whose residual is known.
-    fn solution(&self, x: &mut [f64]) -> Result<Solution, SolveFailure> {
+    fn solution(&self, x: &mut [f64]) -> Solved {
         if self.factor != 1.0 {
             x.iter_mut().for_each(|x| *x /= self.factor);
         }
@@ -121,17 +131,14 @@ impl CholeskyPlan {
     ///
     /// # Errors
     /// [`Error::TooLarge`](crate::Error::TooLarge) when the factor does not fit the memory.
-    pub fn solver(self, system: &System) -> Result<CholeskySolver> {
+    pub fn solver(self) -> Result<CholeskySolver> {
         let factorization = self.factorization.allocate()?;
-        Ok(CholeskySolver { assembled: Assembled::new(system, self.pattern)?, factorization })
+        Ok(CholeskySolver(Assembled::new(SystemMatrix::try_zeros(self.pattern)?, factorization)))
     }
 }
 
 /// Sparse Cholesky.
-pub struct CholeskySolver {
-    assembled: Assembled,
-    factorization: Cholesky,
-}
+pub struct CholeskySolver(Assembled<Llt>);
 
 impl CholeskySolver {
     /// Analyses the system's pattern; counts one symbolic factorization.
@@ -139,12 +146,12 @@ impl CholeskySolver {
     /// # Errors
     /// When the factor does not fit 32-bit indices or the memory.
     pub fn new(system: &System, par: Par, work: &mut Work) -> Result<Self> {
-        CholeskyPlan::new(system, par, work)?.solver(system)
+        CholeskyPlan::new(system, par, work)?.solver()
     }
 
     /// Entries and operations of the factor.
     pub fn size(&self) -> FactorSize {
-        self.factorization.size()
+        self.0.factorization.size()
     }
 }
 
@@ -154,35 +161,22 @@ impl LinearSolver for CholeskySolver {
     }
 
     fn factor(&self) -> Option<FactorReport> {
-        Some(self.factorization.report())
+        Some(self.0.factorization.report())
     }
 
     fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
-        self.assembled.matrix.refill(a);
-        work.factorizations += 1;
-        let factored = self.factorization.factor(self.assembled.matrix.matrix());
-        factored.map(|()| Definiteness::Positive).map_err(|pivot| self.assembled.failure(pivot))
+        self.0.factorize(a, work).map(|()| Definiteness::Positive)
     }
 
-    fn solve(
-        &mut self,
-        a: PreparedMatrix<'_>,
-        b: &[f64],
-        x: &mut [f64],
-        work: &mut Work,
-    ) -> Result<Solution, SolveFailure> {
-        work.solves += 1;
-        self.assembled.scale(b, x);
-        self.factorization.substitute(x);
-        self.assembled.set_residual(&a, x);
-        self.assembled.solution(x)
+    fn solve(&mut self, a: PreparedMatrix, b: &[f64], x: &mut [f64], work: &mut Work) -> Solved {
+        self.0.substitute(&a, b, x, work);
+        self.0.solution(x)
     }
 }
 
 /// Sparse LDLᵀ: accepts an indefinite A, refines, and rejects solutions whose backward error stays large.
 pub struct LdltSolver {
-    assembled: Assembled,
-    factorization: Ldlt,
+    assembled: Assembled<Ldl>,
     correction: Vec<f64>,
     matrix_norm: f64,
 }
@@ -193,11 +187,11 @@ impl LdltSolver {
     /// # Errors
     /// When the factor does not fit 32-bit indices or the memory.
     pub fn new(system: &System, par: Par, work: &mut Work) -> Result<Self> {
-        let assembled = Assembled::new(system, Arc::new(SpringPattern::of_stiffness(system)?))?;
-        let factorization = Ldlt::analyse(assembled.matrix.matrix().pattern(), par)?;
+        let matrix = SystemMatrix::try_zeros(Arc::new(SpringPattern::of_stiffness(system)?))?;
+        let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
         work.symbolic_factorizations += 1;
         let correction = vec![0.0; system.dofs().len()];
-        Ok(Self { assembled, factorization, correction, matrix_norm: 0.0 })
+        Ok(Self { assembled: Assembled::new(matrix, factorization), correction, matrix_norm: 0.0 })
     }
 }
 
@@ -207,50 +201,41 @@ impl LinearSolver for LdltSolver {
     }
 
     fn factor(&self) -> Option<FactorReport> {
-        Some(self.factorization.report())
+        Some(self.assembled.factorization.report())
     }
 
     fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
-        self.assembled.matrix.refill(a);
-        self.matrix_norm = self.assembled.matrix.matrix().norm_inf(&mut self.correction);
-        work.factorizations += 1;
-        let matrix = self.assembled.matrix.matrix();
-        self.factorization.factor(matrix).map_err(|pivot| self.assembled.failure(pivot))?;
-        let mut negative = self.factorization.pivots().filter(|&(_, d)| d < 0.0);
+        self.assembled.factorize(a, work)?;
+        let Assembled { matrix, factorization, .. } = &self.assembled;
+        self.matrix_norm = matrix.matrix().norm_inf(&mut self.correction);
+        let mut negative = factorization.pivots().filter(|&(_, d)| d < 0.0);
         Ok(match negative.next() {
             None => Definiteness::Positive,
-            Some((row, _)) => Definiteness::Indefinite { negative: 1 + negative.count(), dof: matrix.dofs().dof(row) },
+            Some((row, _)) => Definiteness::Indefinite { negative: 1 + negative.count(), dof: a.system().dofs().dof(row) },
         })
     }
 
-    fn solve(
-        &mut self,
-        a: PreparedMatrix<'_>,
-        b: &[f64],
-        x: &mut [f64],
-        work: &mut Work,
-    ) -> Result<Solution, SolveFailure> {
-        work.solves += 1;
-        self.assembled.scale(b, x);
-        self.factorization.substitute(x);
-        self.assembled.set_residual(&a, x);
-        let error_of =
-            |assembled: &Assembled, norm, x: &[f64]| backward_error(&assembled.residual, norm, x, &assembled.scaled);
-        let mut error = error_of(&self.assembled, self.matrix_norm, x);
+    fn solve(&mut self, a: PreparedMatrix, b: &[f64], x: &mut [f64], work: &mut Work) -> Solved {
+        let Self { assembled, correction, matrix_norm } = self;
+        assembled.substitute(&a, b, x, work);
+        let error_of = |assembled: &Assembled<Ldl>, x: &[f64]| {
+            backward_error(&assembled.residual, *matrix_norm, x, &assembled.scaled)
+        };
+        let mut error = error_of(assembled, x);
         // Rounds of iterative refinement to reach it.
         for _ in 0..3 {
             if error <= TRUSTED_BACKWARD_ERROR {
                 break;
             }
-            self.correction.copy_from_slice(&self.assembled.residual);
-            self.factorization.substitute(&mut self.correction);
-            for (x, c) in x.iter_mut().zip(&self.correction) {
+            correction.copy_from_slice(&assembled.residual);
+            assembled.factorization.substitute(correction);
+            for (x, c) in x.iter_mut().zip(&*correction) {
                 *x += c;
             }
-            self.assembled.set_residual(&a, x);
-            error = error_of(&self.assembled, self.matrix_norm, x);
+            assembled.set_residual(&a, x);
+            error = error_of(assembled, x);
         }
-        let solution = self.assembled.solution(x)?;
+        let solution = assembled.solution(x)?;
         if error <= TRUSTED_BACKWARD_ERROR {
             Ok(solution)
         } else {

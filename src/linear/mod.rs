@@ -40,7 +40,7 @@ pub use factorization::{Cholesky, FactorKind, Factorization, Ldl, Ldlt, Llt, Not
 pub use lagged_multigrid::LaggedMultigrid;
 pub use options::{DefinitenessGuarantee, PreconditionerKind, SolverChoice, SolverOptions, Tolerance};
 pub use ordering::{FactorSize, OrderingMethod};
-pub use outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
+pub use outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure, Solved};
 pub use preconditioner::{CustomPreconditioner, Preconditioner};
 pub use prepared::{MatrixAndSolver, Prepare, Prepared, PreparedMatrix};
 pub use vector::{backward_error, dot, norm};
@@ -86,27 +86,14 @@ pub trait LinearSolver: Send {
     ///
     /// # Errors
     /// A solution that does not meet the tolerance; `x` is then unspecified.
-    fn solve(
-        &mut self,
-        a: PreparedMatrix<'_>,
-        b: &[f64],
-        x: &mut [f64],
-        work: &mut Work,
-    ) -> Result<Solution, SolveFailure>;
+    fn solve(&mut self, a: PreparedMatrix, b: &[f64], x: &mut [f64], work: &mut Work) -> Solved;
 
     /// Solves from zero to `‖b − A x‖ ≤ tolerance·‖b‖` without a trace: later solves must not depend on it. The default suits solvers without a
     /// tolerance that keep nothing between solves.
     ///
     /// # Errors
     /// As for [`solve`](Self::solve).
-    fn solve_aside(
-        &mut self,
-        a: PreparedMatrix<'_>,
-        b: &[f64],
-        x: &mut [f64],
-        _tolerance: f64,
-        work: &mut Work,
-    ) -> Result<Solution, SolveFailure> {
+    fn solve_aside(&mut self, a: PreparedMatrix, b: &[f64], x: &mut [f64], _tolerance: f64, work: &mut Work) -> Solved {
         x.fill(0.0);
         self.solve(a, b, x, work)
     }

@@ -26,6 +26,9 @@ pub struct Solution {
     pub relative_residual: f64,
 }
 
+/// The result of a solve.
+pub type Solved = Result<Solution, SolveFailure>;
+
 /// The failure of a solve.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]

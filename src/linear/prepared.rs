@@ -5,7 +5,7 @@
 //! matrix can only be changed by preparing again.
 
 use super::LinearSolver;
-use super::outcome::{Definiteness, Solution, SolveFailure};
+use super::outcome::{Definiteness, SolveFailure, Solved};
 use crate::operator::{LinearOperator, SystemOperator};
 use crate::work::Work;
 use nalgebra::Vector3;
@@ -68,7 +68,7 @@ impl<S: LinearSolver + ?Sized> Prepare for S {}
 
 /// A solver that holds a matrix.
 pub struct Prepared<'a, S: ?Sized> {
-    pub(super) solver: &'a mut S,
+    solver: &'a mut S,
     matrix: PreparedMatrix<'a>,
     definiteness: Definiteness,
 }
@@ -83,7 +83,7 @@ impl<S: LinearSolver + ?Sized> Prepared<'_, S> {
     ///
     /// # Errors
     /// A solution that does not meet the tolerance; `x` is then unspecified.
-    pub fn solve(&mut self, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
+    pub fn solve(&mut self, b: &[f64], x: &mut [f64], work: &mut Work) -> Solved {
         self.check_lengths(b, x)?;
         self.solver.solve(self.matrix, b, x, work)
     }
@@ -92,13 +92,7 @@ impl<S: LinearSolver + ?Sized> Prepared<'_, S> {
     ///
     /// # Errors
     /// As for [`solve`](Self::solve).
-    pub fn solve_aside(
-        &mut self,
-        b: &[f64],
-        x: &mut [f64],
-        tolerance: f64,
-        work: &mut Work,
-    ) -> Result<Solution, SolveFailure> {
+    pub fn solve_aside(&mut self, b: &[f64], x: &mut [f64], tolerance: f64, work: &mut Work) -> Solved {
         self.check_lengths(b, x)?;
         self.solver.solve_aside(self.matrix, b, x, tolerance, work)
     }
@@ -192,13 +186,7 @@ mod tests {
             Err(SolveFailure::NonFinite)
         }
 
-        fn solve(
-            &mut self,
-            _: PreparedMatrix<'_>,
-            _: &[f64],
-            _: &mut [f64],
-            _: &mut Work,
-        ) -> Result<Solution, SolveFailure> {
+        fn solve(&mut self, _: PreparedMatrix, _: &[f64], _: &mut [f64], _: &mut Work) -> Solved {
             Err(SolveFailure::NonFinite)
         }
     }
