@@ -149,7 +149,9 @@ impl SystemMatrix {
 
     /// Recomputes all values from the operator's blocks, without searching or allocating; the same bits for any number of threads.
     pub fn refill(&mut self, operator: &SystemOperator) {
-        Filling { springs: &self.springs, operator }.fill_all(&mut self.matrix.values);
+        let values = &mut self.matrix.values;
+        let (particles, parts) = (0..operator.system().particles(), parts(values.len(), GRAIN));
+        Filling { springs: &self.springs, operator }.fill(particles, parts, values);
     }
 
     /// The matrix.
@@ -166,21 +168,15 @@ impl SystemMatrix {
 /// Assembles an operator from all block triplets, sorted and added up: slow and simple, and the reference for [`SystemMatrix::refill`], to the bit.
 pub fn assemble_afresh(operator: &SystemOperator) -> Vec<MatrixEntry> {
     let system = operator.system();
-    let mass = |p| BlockTriplet {
-        row: p,
-        column: p,
-        block: Matrix3::from_diagonal_element(operator.mass_factor() * system.masses()[p]),
-    };
-    let mut triplets: Vec<BlockTriplet> = (0..system.particles()).map(mass).collect();
-    for ((_, [i, j], _), block) in system.active().zip(operator.blocks()) {
+    let masses = system.masses().iter().map(|mass| Matrix3::from_diagonal_element(operator.mass_factor() * mass));
+    let springs = system.active().zip(operator.blocks()).flat_map(|((_, [i, j], _), block)| {
         let block = block.matrix();
-        triplets.push(BlockTriplet { row: i, column: i, block });
-        triplets.push(BlockTriplet { row: j, column: j, block });
-        triplets.push(BlockTriplet { row: i, column: j, block: -block });
-        triplets.push(BlockTriplet { row: j, column: i, block: -block });
-    }
-    let external = operator.external().iter().enumerate();
-    triplets.extend(external.map(|(p, block)| BlockTriplet { row: p, column: p, block: *block }));
+        [(i, i, block), (j, j, block), (i, j, -block), (j, i, -block)]
+    });
+    let own = |(p, block)| (p, p, block);
+    let external = operator.external().iter().copied().enumerate().map(own);
+    let all = masses.enumerate().map(own).chain(springs).chain(external);
+    let triplets: Vec<_> = all.map(|(row, column, block)| BlockTriplet { row, column, block }).collect();
     assemble(system.dofs(), &triplets)
 }
 
@@ -194,30 +190,23 @@ struct Filling<'a> {
 }
 
 impl Filling<'_> {
-    fn fill_all(&self, values: &mut [f64]) {
-        self.fill_parts(0..self.operator.system().particles(), parts(values.len(), GRAIN), values);
-    }
-
-    fn fill_parts(&self, particles: Range<usize>, parts: usize, values: &mut [f64]) {
-        if parts <= 1 {
-            return self.fill(particles, values);
+    /// Overwrites the columns of some particles, which are `values`, in so many parts.
+    fn fill(&self, particles: Range<usize>, parts: usize, values: &mut [f64]) {
+        let pattern = self.springs.pattern();
+        let between = |from: usize, to: usize| pattern.values_before(to) - pattern.values_before(from);
+        if parts > 1 {
+            let Range { start, end } = particles;
+            let middle = middle(pattern, &particles, parts);
+            let (left, right) = values.split_at_mut(between(start, middle));
+            rayon::join(
+                || self.fill(start..middle, parts / 2, left),
+                || self.fill(middle..end, parts - parts / 2, right),
+            );
+            return;
         }
-        let pattern = self.springs.pattern();
-        let middle = middle(pattern, &particles, parts);
-        let (left, right) = values.split_at_mut(pattern.values_before(middle) - pattern.values_before(particles.start));
-        rayon::join(
-            || self.fill_parts(particles.start..middle, parts / 2, left),
-            || self.fill_parts(middle..particles.end, parts - parts / 2, right),
-        );
-    }
-
-    /// Overwrites the columns of some particles, which are `values`.
-    fn fill(&self, particles: Range<usize>, values: &mut [f64]) {
-        let pattern = self.springs.pattern();
         let mut rest = values;
         for particle in particles {
-            let (own, others) =
-                rest.split_at_mut(pattern.values_before(particle + 1) - pattern.values_before(particle));
+            let (own, others) = rest.split_at_mut(between(particle, particle + 1));
             self.fill_particle(particle, own);
             rest = others;
         }

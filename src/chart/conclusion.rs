@@ -26,14 +26,8 @@ impl WorkPrecision {
         conclusion.or_else(none_holds)
     }
 
-    /// An accuracy that is worth speaking of: 1 %, or what is nearest to it among those that were reached.
-    fn telling_accuracy(&self) -> Option<f64> {
-        let decisions = self.decisions();
-        decisions.get(1).or(decisions.first()).map(|decision| decision.accuracy)
-    }
-
     /// Sound runs that are accurate enough and have a cost, by that.
-    fn ranked(&self, accuracy: f64, cost: impl Fn(&Run) -> Option<f64>) -> Vec<(f64, &Run)> {
+    pub(super) fn ranked(&self, accuracy: f64, cost: impl Fn(&Run) -> Option<f64>) -> Vec<(f64, &Run)> {
         let enough = self.sound_runs().into_iter().filter(|run| run.useful_error().is_some_and(|e| e <= accuracy));
         let mut ranked: Vec<(f64, &Run)> = enough.filter_map(|run| Some((cost(run)?, run))).collect();
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -42,7 +36,7 @@ impl WorkPrecision {
 
     /// The cheapest run of a telling accuracy, and how much more the next method takes.
     fn cheapest(&self, drawn: &[Series], what: &str, cost: impl Fn(&Run) -> f64) -> Option<String> {
-        let accuracy = self.telling_accuracy()?;
+        let accuracy = self.telling_decision()?.accuracy;
         let ranked = self.ranked(accuracy, |run| Some(cost(run)));
         let &(least, best) = ranked.first()?;
         let next = ranked.iter().find(|(_, run)| run.variant() != best.variant());
@@ -57,7 +51,7 @@ impl WorkPrecision {
     }
 
     fn best_option(&self, method: &str) -> Option<String> {
-        let accuracy = self.telling_accuracy()?;
+        let accuracy = self.telling_decision()?.accuracy;
         let cost = |run: &Run| (run.method == method && run.rtol.is_none()).then_some(run.cost);
         let ranked = self.ranked(accuracy, cost);
         let percent = short(100.0 * accuracy);
@@ -73,7 +67,7 @@ impl WorkPrecision {
 
     /// The method that is accurate enough with the longest steps.
     fn longest_step(&self, drawn: &[Series]) -> Option<String> {
-        let accuracy = self.telling_accuracy()?;
+        let accuracy = self.telling_decision()?.accuracy;
         let ranked = self.ranked(accuracy, |run| run.rtol.is_none().then_some(-run.dt));
         let percent = short(100.0 * accuracy);
         let Some((_, longest)) = ranked.first() else {

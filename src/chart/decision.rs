@@ -37,21 +37,20 @@ impl WorkPrecision {
 
     /// The decision for one accuracy.
     pub fn decision(&self, accuracy: f64) -> Decision<'_> {
-        let mut enough = self.sound_runs();
-        enough.retain(|run| run.useful_error().is_some_and(|error| error <= accuracy));
-        enough.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let enough = self.ranked(accuracy, |run| Some(run.cost));
         let mut methods: Vec<&Run> = Vec::new();
-        for run in &enough {
+        for (_, run) in &enough {
             if methods.iter().all(|other| other.variant() != run.variant()) {
                 methods.push(run);
             }
         }
-        Decision {
-            accuracy,
-            cheapest: enough.first().copied(),
-            notes: enough.iter().copied().find(|run| run.method == "linear-backward-euler"),
-            methods,
-        }
+        let notes = enough.iter().map(|(_, run)| *run).find(|run| run.method == "linear-backward-euler");
+        Decision { accuracy, cheapest: methods.first().copied(), notes, methods }
+    }
+
+    /// The decision that is worth speaking of: for 1 %, or what is nearest to it among the accuracies that were reached.
+    pub(super) fn telling_decision(&self) -> Option<Decision<'_>> {
+        self.decisions().into_iter().take(2).last()
     }
 
     /// The conclusions of the sweep, in one sentence each.
@@ -89,7 +88,7 @@ impl WorkPrecision {
     }
 
     fn obstacle(&self) -> String {
-        let best = self.runs.iter().filter_map(Run::useful_error).reduce(f64::min);
+        let runs = self.runs.len();
         if self.floor() > LEAST_ACCURACY {
             return format!(
                 "the reference is good to about {} only, so that errors below {} cannot be told from it; a larger budget or a \
@@ -98,16 +97,15 @@ impl WorkPrecision {
                 percent(self.floor())
             );
         }
-        if self.runs.is_empty() {
+        if runs == 0 {
             return "there was no time for a run; a larger budget has some".into();
         }
-        let Some(best) = best else {
-            return format!("none of {} runs came to a useful end; shorter steps may", self.runs.len());
+        let Some(best) = self.runs.iter().filter_map(Run::useful_error).reduce(f64::min) else {
+            return format!("none of {runs} runs came to a useful end; shorter steps may");
         };
         if best > LEAST_ACCURACY {
             return format!(
-                "the best of {} runs is wrong by {}; a larger budget or a shorter step to begin with makes finer ones",
-                self.runs.len(),
+                "the best of {runs} runs is wrong by {}; a larger budget or a shorter step to begin with makes finer ones",
                 percent(best)
             );
         }
@@ -138,16 +136,14 @@ impl WorkPrecision {
         best_of_each(&self.runs, self.floor()).into_iter().map(limit).collect()
     }
 
-    /// The best option of each method for an error below 1 %, or what can be had nearest to it.
+    /// The best option of each method, in the telling decision.
     fn best_options(&self) -> Option<(String, Vec<String>)> {
-        let decisions = self.decisions();
-        let decision = decisions.get(1).or(decisions.first())?;
+        let decision = self.telling_decision()?;
         let each = decision.methods.iter().map(|run| {
             let name = name(run.method, run.stiffness, run.solver);
             format!("{name} with {} ({} force evaluations)", run.step_control(), short(run.cost))
         });
-        let percent = short(100.0 * decision.accuracy);
-        Some((format!("The best option of each method below {percent} %"), each.collect()))
+        Some((format!("The best option of each method below {} %", decision.percent()), each.collect()))
     }
 }
 

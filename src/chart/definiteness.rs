@@ -90,7 +90,10 @@ pub fn solve_step(system: &System, state: &State, dt: f64, policy: StiffnessPoli
     let work = stepper.statistics().work;
     let refused = matches!(outcome, Err(StepFailure::Solve(_)));
     let (energy, negative) = match outcome {
-        Ok(()) => (Some(potential(system, state, &after)), Some(negative_of_step(system, &after, dt)?)),
+        Ok(()) => {
+            let a = StepMatrices::assemble(system, &after, Stiffness::Full, dt)?.a;
+            (Some(potential(system, state, &after)), Some(Inertia::of(&a)?.negative))
+        }
         Err(_) => (None, None),
     };
     Ok(Solve {
@@ -141,11 +144,6 @@ fn potential(system: &System, before: &State, after: &State) -> f64 {
     energy.elastic
         + energy.gravitational
         + change.map(|((v, w), mass)| 0.5 * mass * (w - v).norm_squared()).sum::<f64>()
-}
-
-fn negative_of_step(system: &System, state: &State, dt: f64) -> Result<usize> {
-    let a = StepMatrices::assemble(system, state, Stiffness::Full, dt)?.a;
-    Ok(Inertia::of(&a)?.negative)
 }
 
 /// Solves of one scene under every option and policy.

@@ -14,21 +14,9 @@ pub struct Configuration<'a> {
     velocities: Option<&'a [Vector3<f64>]>,
 }
 
-impl<'a> From<&'a [Vector3<f64>]> for Configuration<'a> {
-    fn from(positions: &'a [Vector3<f64>]) -> Self {
-        Self { time: 0.0, positions, velocities: None }
-    }
-}
-
-impl<'a> From<&'a Vec<Vector3<f64>>> for Configuration<'a> {
-    fn from(positions: &'a Vec<Vector3<f64>>) -> Self {
-        positions.as_slice().into()
-    }
-}
-
-impl<'a, const N: usize> From<&'a [Vector3<f64>; N]> for Configuration<'a> {
-    fn from(positions: &'a [Vector3<f64>; N]) -> Self {
-        positions.as_slice().into()
+impl<'a, P: AsRef<[Vector3<f64>]> + ?Sized> From<&'a P> for Configuration<'a> {
+    fn from(positions: &'a P) -> Self {
+        Self { time: 0.0, positions: positions.as_ref(), velocities: None }
     }
 }
 

@@ -109,33 +109,21 @@ fn add_springs(
         return added.map_err(|Coincident| first_degenerate(system, at.positions));
     }
     let mut accumulator = Accumulator::new();
-    for number in numbers {
-        let pair = system.pair(number as usize);
-        let f = law_force(system, at, law, number as usize, pair)?;
-        accumulator.add(system.pairs()[number as usize], &f, first, total);
+    for spring in numbers.map(|number| number as usize) {
+        let pair = system.pair(spring);
+        let [i, j] = pair;
+        let extension = system.extension(spring, &at.positions[i], &at.positions[j]);
+        let extension = extension.ok_or(DegenerateSpring { spring, pair })?;
+        let parameters = system.spring_with(law, spring, extension.length, at.time);
+        let mut tension = parameters.stiffness * parameters.strain(&extension);
+        // Without damping, infinite velocities must not matter.
+        if parameters.damping > 0.0 && extension.length > 0.0 {
+            tension += parameters.damping * extension.direction.dot(&(at.velocities[i] - at.velocities[j]));
+        }
+        accumulator.add(system.pairs()[spring], &(extension.direction * -tension), first, total);
     }
     accumulator.flush(first, total);
     Ok(())
-}
-
-/// The force on end i of a spring whose parameters depend on length or time.
-fn law_force(
-    system: &System,
-    at: &StateView<'_>,
-    law: &LawValues,
-    spring: usize,
-    pair: [usize; 2],
-) -> Result<Vector3<f64>, DegenerateSpring> {
-    let [i, j] = pair;
-    let extension = system.extension(spring, &at.positions[i], &at.positions[j]);
-    let extension = extension.ok_or(DegenerateSpring { spring, pair })?;
-    let parameters = system.spring_with(law, spring, extension.length, at.time);
-    let mut tension = parameters.stiffness * parameters.strain(&extension);
-    // Without damping, infinite velocities must not matter.
-    if parameters.damping > 0.0 && extension.length > 0.0 {
-        tension += parameters.damping * extension.direction.dot(&(at.velocities[i] - at.velocities[j]));
-    }
-    Ok(extension.direction * -tension)
 }
 
 /// True if the squared distance of two particles is zero or underflows.

@@ -48,14 +48,10 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
     pub fn new(a: &Pattern, prolongator: &Prolongator<N, M>) -> Result<Self> {
         let p = &prolongator.matrix.pattern;
         let columns = prolongator.columns();
-        let product = Pattern::build(
-            a.rows(),
-            union(columns, |row| a.columns(row).iter().map(|&node| p.columns(node as usize))),
-        )?;
-        let coarse = Pattern::build(
-            columns,
-            union(columns, |row| prolongator.column(row).map(|(node, _)| product.columns(node))),
-        )?;
+        let reached = |row| a.columns(row).iter().flat_map(|&node| p.columns(node as usize)).copied();
+        let product = Pattern::union(a.rows(), columns, reached)?;
+        let coupled = |row| prolongator.column(row).flat_map(|(node, _)| product.columns(node)).copied();
+        let coarse = Pattern::union(columns, columns, coupled)?;
         let rows = || (0..a.rows()).step_by(SECTION).map(|start| start..a.rows().min(start + SECTION));
         let columns_of = |pattern: &Pattern, rows: Range<usize>| {
             let columns = || rows.clone().flat_map(|row| pattern.columns(row)).map(|&column| column as usize);
@@ -196,22 +192,5 @@ impl<'r, const R: usize, const C: usize> Slots<'r, R, C> {
             self.next += 1;
         }
         self.blocks.get_mut(self.next)
-    }
-}
-
-/// Fills the columns of a row with the union of lists of columns below `columns`.
-fn union<'p, L: Iterator<Item = &'p [u32]>>(
-    columns: usize,
-    lists: impl Fn(usize) -> L,
-) -> impl FnMut(usize, &mut Vec<u32>) {
-    let mut last_seen = vec![u32::MAX; columns];
-    move |row, united| {
-        for &column in lists(row).flatten() {
-            let seen = &mut last_seen[column as usize];
-            if *seen != row as u32 {
-                *seen = row as u32;
-                united.push(column);
-            }
-        }
     }
 }

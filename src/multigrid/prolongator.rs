@@ -46,15 +46,8 @@ struct Sparsity {
 impl Sparsity {
     /// For a matrix of pattern `a`, whose nodes are coupled by the edges of the graph.
     fn new(a: &Pattern, graph: &Graph, aggregates: &Aggregates) -> Result<Self> {
-        let mut last_seen = vec![u32::MAX; aggregates.count()];
-        let coupled = Pattern::build(a.rows(), |row, columns| {
-            for aggregate in a.columns(row).iter().filter_map(|&node| aggregates.of_node(node as usize)) {
-                if last_seen[aggregate as usize] != row as u32 {
-                    last_seen[aggregate as usize] = row as u32;
-                    columns.push(aggregate);
-                }
-            }
-        })?;
+        let of_nodes = |row| a.columns(row).iter().filter_map(|&node| aggregates.of_node(node as usize));
+        let coupled = Pattern::union(a.rows(), aggregates.count(), of_nodes)?;
         let mut stand_ins = vec![0; a.rows()];
         let mut others = Vec::new();
         let reached = Pattern::build(a.rows(), |row, columns| {

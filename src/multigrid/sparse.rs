@@ -39,6 +39,15 @@ impl Pattern {
         Ok(Self { starts, columns })
     }
 
+    /// As [`build`](Self::build), with every column below `columns` that `listed` has for a row, once.
+    pub fn union<L: Iterator<Item = u32>>(rows: usize, columns: usize, listed: impl Fn(usize) -> L) -> Result<Self> {
+        let mut last_seen = vec![u32::MAX; columns];
+        Self::build(rows, |row, united| {
+            let is_new = |&column: &u32| std::mem::replace(&mut last_seen[column as usize], row as u32) != row as u32;
+            united.extend(listed(row).filter(is_new));
+        })
+    }
+
     pub fn rows(&self) -> usize {
         self.starts.len() - 1
     }
