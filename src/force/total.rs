@@ -186,11 +186,8 @@ mod tests {
 
     #[test]
     fn infinite_velocities_do_not_matter_without_damping() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([2.0, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 3.0, rest_length: 1.0, damping: 0.0 });
-        let (system, mut state) = builder.build().unwrap();
+        let (system, mut state) =
+            fixtures::tethered(2.0, 1.0, Spring { stiffness: 3.0, rest_length: 1.0, damping: 0.0 });
         state.velocities[1].x = f64::INFINITY;
         let mut force = [Vector3::zeros(); 2];
         set_total_force(&system, &state.moment(), &mut force).unwrap();
@@ -199,14 +196,7 @@ mod tests {
 
     #[test]
     fn coincident_ends_are_named() {
-        let mut builder = SystemBuilder::new();
-        for x in [0.0, 1.0, 3.0, 4.0] {
-            builder.particle([x, 0.0, 0.0], 1.0);
-        }
-        for pair in [[0, 1], [1, 2], [2, 3]] {
-            builder.spring(pair[0], pair[1], Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        }
-        let (system, mut state) = builder.build().unwrap();
+        let (system, mut state) = fixtures::row(4);
         for particle in [2, 3] {
             state.positions[particle] = state.positions[1];
             for system in [system.clone(), system.clone().with_spring_law(Square)] {

@@ -11,7 +11,7 @@
 //! Effort is [counted](CostModel), not timed: a repeated run makes the same choice, for any number of threads.
 
 use super::analysis::FactorReport;
-use super::cg_solver::{Application, CgSolver};
+use super::cg_solver::CgSolver;
 use super::cost::CostModel;
 use super::direct::{CholeskyPlan, CholeskySolver, LdltSolver};
 use super::options::{DefinitenessGuarantee, PreconditionerKind, SolverChoice, SolverOptions};
@@ -19,6 +19,7 @@ use super::ordering::FactorSize;
 use super::outcome::{Definiteness, NotConverged, SolveFailure, Solved};
 use super::preconditioner::Preconditioner;
 use super::{LinearSolver, PreparedMatrix};
+use crate::assembly::SystemMatrix;
 use crate::error::Result;
 use crate::memory;
 use crate::operator::SystemOperator;
@@ -48,17 +49,17 @@ pub fn select(
     work: &mut Work,
 ) -> Result<Box<dyn LinearSolver>> {
     let dofs = system.dofs().len();
-    let iterative = |application, factors| -> Result<Box<dyn LinearSolver>> {
+    let iterative = |matrix, factors| -> Result<Box<dyn LinearSolver>> {
         Ok(match options.preconditioner {
-            Some(kind) => Box::new(CgSolver::new(system, kind, options, application)?),
-            None => Box::new(AutomaticSolver::new(system, options, application, factors)?),
+            Some(kind) => Box::new(CgSolver::new(system, kind, options, matrix)?),
+            None => Box::new(AutomaticSolver::new(system, options, matrix, factors)?),
         })
     };
     Ok(match options.solver {
         SolverChoice::Llt => Box::new(CholeskySolver::new(system, options.par, work)?),
         SolverChoice::Ldlt => Box::new(LdltSolver::new(system, options.par, work)?),
-        SolverChoice::Cg => iterative(Application::MatrixFree, false)?,
-        SolverChoice::CgAssembled => iterative(Application::assembled(system)?, false)?,
+        SolverChoice::Cg => iterative(None, false)?,
+        SolverChoice::CgAssembled => iterative(Some(SystemMatrix::of_stiffness(system)?), false)?,
         // Factoring so little takes about as long as a solve by conjugate gradients.
         SolverChoice::Auto if dofs <= 60 => Box::new(CholeskySolver::new(system, options.par, work)?),
         SolverChoice::Auto if guarantee == DefinitenessGuarantee::Unknown && dofs <= LARGEST_ANALYSED => {
@@ -67,10 +68,10 @@ pub fn select(
             let plan = CholeskyPlan::if_worth(system, options.par, work, is_worth);
             match plan.and_then(|plan| plan.solver().ok()) {
                 Some(direct) => Box::new(direct),
-                None => iterative(Application::MatrixFree, false)?,
+                None => iterative(None, false)?,
             }
         }
-        SolverChoice::Auto => iterative(Application::MatrixFree, guarantee != DefinitenessGuarantee::Unknown)?,
+        SolverChoice::Auto => iterative(None, guarantee != DefinitenessGuarantee::Unknown)?,
     })
 }
 
@@ -140,9 +141,9 @@ struct AutomaticSolver {
 
 impl AutomaticSolver {
     /// `factors` allows factorizations.
-    fn new(system: &System, options: &SolverOptions, application: Application, factors: bool) -> Result<Self> {
+    fn new(system: &System, options: &SolverOptions, matrix: Option<SystemMatrix>, factors: bool) -> Result<Self> {
         let costs = CostModel::of(system);
-        let iterative = CgSolver::new(system, PreconditionerKind::BlockJacobi, options, application)?;
+        let iterative = CgSolver::new(system, PreconditionerKind::BlockJacobi, options, matrix)?;
         // A first estimate of the iterations of a solve to ten digits: 12 to 35 on cloths, lattices and networks.
         let solve = 25.0 * costs.iteration(PreconditionerKind::Multigrid);
         let factors = factors && system.dofs().len() <= LARGEST_ANALYSED;
@@ -378,7 +379,7 @@ mod tests {
     use crate::system::SystemBuilder;
 
     fn automatic(system: &System, factors: bool) -> AutomaticSolver {
-        AutomaticSolver::new(system, &SolverOptions::default(), Application::MatrixFree, factors).unwrap()
+        AutomaticSolver::new(system, &SolverOptions::default(), None, factors).unwrap()
     }
 
     fn solve(solver: &mut AutomaticSolver, a: &SystemOperator, work: &mut Work) -> Solved {

@@ -16,13 +16,12 @@ use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailur
 use super::preconditioner::{CustomPreconditioner, Preconditioner};
 use super::vector::dot;
 use super::{LinearSolver, PreparedMatrix};
-use crate::assembly::{SpringPattern, SystemMatrix};
+use crate::assembly::SystemMatrix;
 use crate::error::Result;
 use crate::operator::{LinearOperator, SystemOperator};
 use crate::system::System;
 use crate::work::Work;
 use nalgebra::Vector3;
-use std::sync::Arc;
 
 /// The last two solutions.
 #[derive(Debug, Clone)]
@@ -80,32 +79,13 @@ impl WarmStart {
     }
 }
 
-/// The operator that computes the products with A.
-#[derive(Debug, Clone)]
-pub enum Application {
-    /// Spring by spring, without a matrix.
-    MatrixFree,
-    /// The assembled sparse matrix.
-    Assembled(Box<SystemMatrix>),
-}
-
-impl Application {
-    /// Allocates the assembled matrix of a system.
-    ///
-    /// # Errors
-    /// More entries than 32-bit indices can count, or than there is memory for.
-    pub fn assembled(system: &System) -> Result<Self> {
-        let matrix = SystemMatrix::try_zeros(Arc::new(SpringPattern::of_stiffness(system)?))?;
-        Ok(Self::Assembled(Box::new(matrix)))
-    }
-}
-
 /// Conjugate gradients with a preconditioner.
 #[derive(Debug)]
 pub struct CgSolver {
     method: ConjugateGradient,
     pub(super) preconditioner: Preconditioner,
-    application: Application,
+    /// For products with the assembled matrix; without it they go spring by spring.
+    matrix: Option<SystemMatrix>,
     pub(super) warm_start: WarmStart,
 }
 
@@ -116,34 +96,35 @@ impl CgSolver {
     /// For multigrid, more matrix blocks than 32-bit indices can count.
     pub fn matrix_free(system: &System, preconditioner: PreconditionerKind, tolerance: f64) -> Result<Self> {
         let preconditioner = Preconditioner::new(preconditioner, system)?;
-        Ok(Self::from_parts(system, preconditioner, tolerance, Application::MatrixFree))
+        Ok(Self::from_parts(system, preconditioner, tolerance, None))
     }
 
     /// Matrix-free, with a custom preconditioner.
     pub fn with_preconditioner(system: &System, custom: Box<dyn CustomPreconditioner>, tolerance: f64) -> Self {
-        Self::from_parts(system, Preconditioner::Custom(custom), tolerance, Application::MatrixFree)
+        Self::from_parts(system, Preconditioner::Custom(custom), tolerance, None)
     }
 
     pub(super) fn new(
         system: &System,
         preconditioner: PreconditionerKind,
         options: &SolverOptions,
-        application: Application,
+        matrix: Option<SystemMatrix>,
     ) -> Result<Self> {
         let preconditioner = Preconditioner::new(preconditioner, system)?;
-        let mut solver = Self::from_parts(system, preconditioner, options.tolerance.strictest(), application);
+        let mut solver = Self::from_parts(system, preconditioner, options.tolerance.strictest(), matrix);
         solver.method.interrupt = options.interrupt;
         Ok(solver)
     }
 
-    fn from_parts(system: &System, preconditioner: Preconditioner, tolerance: f64, application: Application) -> Self {
+    fn from_parts(
+        system: &System,
+        preconditioner: Preconditioner,
+        tolerance: f64,
+        matrix: Option<SystemMatrix>,
+    ) -> Self {
         let order = system.dofs().len();
-        Self {
-            method: ConjugateGradient::new(order, tolerance),
-            preconditioner,
-            application,
-            warm_start: WarmStart::new(order),
-        }
+        let (method, warm_start) = (ConjugateGradient::new(order, tolerance), WarmStart::new(order));
+        Self { method, preconditioner, matrix, warm_start }
     }
 
     /// The method: its parameters, and the direction of negative curvature after a failure.
@@ -152,12 +133,12 @@ impl CgSolver {
     }
 
     fn iterate(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], work: &mut Work) -> CgReport {
-        let Self { method, preconditioner, application, .. } = self;
+        let Self { method, preconditioner, matrix, .. } = self;
         work.solves += 1;
         work.iterative_solves += 1;
-        let report = match &*application {
-            Application::MatrixFree => method.solve(a, preconditioner, b, x),
-            Application::Assembled(matrix) => method.solve(matrix.matrix(), preconditioner, b, x),
+        let report = match matrix {
+            None => method.solve(a, preconditioner, b, x),
+            Some(matrix) => method.solve(matrix.matrix(), preconditioner, b, x),
         };
         work.cg_iterations += report.iterations;
         match preconditioner.kind() {
@@ -171,10 +152,7 @@ impl CgSolver {
 
 impl LinearSolver for CgSolver {
     fn name(&self) -> &'static str {
-        match self.application {
-            Application::MatrixFree => "cg",
-            Application::Assembled(_) => "cg-assembled",
-        }
+        if self.matrix.is_some() { "cg-assembled" } else { "cg" }
     }
 
     fn preconditioner(&self) -> Option<&'static str> {
@@ -186,7 +164,7 @@ impl LinearSolver for CgSolver {
     }
 
     fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
-        if let Application::Assembled(matrix) = &mut self.application {
+        if let Some(matrix) = &mut self.matrix {
             matrix.refill(a);
         }
         self.preconditioner.update(a, work).map(|()| Definiteness::Unknown)
@@ -198,10 +176,9 @@ impl LinearSolver for CgSolver {
 
     fn solve(&mut self, a: PreparedMatrix, b: &[f64], x: &mut [f64], work: &mut Work) -> Solved {
         if x.iter().all(|&x| x == 0.0) {
-            let Self { application, warm_start, .. } = self;
-            work.warm_starts += u64::from(match &*application {
-                Application::MatrixFree => warm_start.guess(&*a, b, x),
-                Application::Assembled(matrix) => warm_start.guess(matrix.matrix(), b, x),
+            work.warm_starts += u64::from(match &self.matrix {
+                None => self.warm_start.guess(&*a, b, x),
+                Some(matrix) => self.warm_start.guess(matrix.matrix(), b, x),
             });
         }
         let report = self.iterate(&a, b, x, work);

@@ -122,11 +122,6 @@ impl CholeskyPlan {
         self.factorization.report()
     }
 
-    /// Bytes that the factor, its work space and the matrix take.
-    pub fn bytes(&self) -> u64 {
-        self.factorization.bytes() + 8 * self.pattern.pattern().entries() as u64
-    }
-
     /// The solver, with its memory.
     ///
     /// # Errors
@@ -147,11 +142,6 @@ impl CholeskySolver {
     /// When the factor does not fit 32-bit indices or the memory.
     pub fn new(system: &System, par: Par, work: &mut Work) -> Result<Self> {
         CholeskyPlan::new(system, par, work)?.solver()
-    }
-
-    /// Entries and operations of the factor.
-    pub fn size(&self) -> FactorSize {
-        self.0.factorization.size()
     }
 }
 
@@ -187,7 +177,7 @@ impl LdltSolver {
     /// # Errors
     /// When the factor does not fit 32-bit indices or the memory.
     pub fn new(system: &System, par: Par, work: &mut Work) -> Result<Self> {
-        let matrix = SystemMatrix::try_zeros(Arc::new(SpringPattern::of_stiffness(system)?))?;
+        let matrix = SystemMatrix::of_stiffness(system)?;
         let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
         work.symbolic_factorizations += 1;
         let correction = vec![0.0; system.dofs().len()];
@@ -252,6 +242,7 @@ mod tests {
     use crate::operator::Combination;
     use crate::spring::{Spring, Stiffness};
     use crate::system::SystemBuilder;
+    use crate::system::fixtures::{row, tethered};
 
     fn solvers(system: &System, work: &mut Work) -> [Box<dyn LinearSolver>; 2] {
         [
@@ -263,31 +254,19 @@ mod tests {
     /// Two free particles and a spring: six rows, and a factor that has all entries of its triangle at least.
     #[test]
     fn both_factorizations_report_their_factor() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.0, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        let (system, _) = builder.build().unwrap();
+        let (system, _) = row(2);
         let work = &mut Work::default();
         for solver in solvers(&system, work) {
             let entries = solver.factor().unwrap().size.entries;
             assert!((21..=36).contains(&entries), "{}: {entries}", solver.name());
         }
         // The matrix has the 21 numbers of its triangle, of eight bytes each.
-        let plan = CholeskyPlan::new(&system, Par::Seq, work).unwrap();
-        assert_eq!(plan.bytes() - plan.factorization.bytes(), 168);
-    }
-
-    /// A particle on a spring from a wall, pressed to half its length, and the matrix of a long step: negative across the spring, twice.
-    fn pressed(stiffness: f64) -> (System, SpringGeometry) {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([0.5, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness, rest_length: 1.0, damping: 0.0 });
-        builder.hold(0);
-        let (system, state) = builder.build().unwrap();
-        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
-        (system, extensions)
+        let asked = std::cell::Cell::new(0);
+        let plan = CholeskyPlan::if_worth(&system, Par::Seq, work, |_, bytes| {
+            asked.set(bytes);
+            true
+        });
+        assert_eq!(asked.get() - plan.unwrap().factorization.bytes(), 168);
     }
 
     /// Two particles of just above 1 kg, pressed to half the rest length of their spring: across it A is (ε 1; 1 ε) with ε = 10⁻⁷ times 100 N/m.
@@ -316,7 +295,8 @@ mod tests {
     /// However small or large it is, a right-hand side has its solution: the same digits.
     #[test]
     fn solutions_have_the_size_of_their_right_hand_side() {
-        let (system, extensions) = pressed(100.0);
+        let (system, state) = tethered(0.5, 1.0, Spring { stiffness: 100.0, rest_length: 1.0, damping: 0.0 });
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.01));
         let work = &mut Work::default();
         for mut solver in solvers(&system, work) {

@@ -33,7 +33,7 @@ pub use automatic::select;
 pub use block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
 pub use bunch_kaufman::{BunchKaufman, PivotSigns, PivotedLdlt, Pivoting};
 pub use cg::{CgOutcome, CgReport, ConjugateGradient};
-pub use cg_solver::{Application, CgSolver, WarmStart};
+pub use cg_solver::{CgSolver, WarmStart};
 pub use cost::CostModel;
 pub use direct::{CholeskyPlan, CholeskySolver, LdltSolver};
 pub use factorization::{Cholesky, FactorKind, Factorization, Ldl, Ldlt, Llt, NotFactored, SolvingKind};

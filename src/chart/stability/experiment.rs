@@ -3,7 +3,7 @@
 use crate::accuracy::Configuration;
 use crate::error::Result;
 use crate::force::Energy;
-use crate::integrate::Status;
+use crate::integrate::{Status, TimeStepper};
 use crate::spring::Spring;
 use crate::system::{State, System, SystemBuilder};
 use serde::Serialize;
@@ -43,14 +43,6 @@ impl TileVerdict {
         Self::Stretched,
     ];
 
-    pub(super) fn of_failure(status: Status) -> Self {
-        match status {
-            Status::Indefinite => Self::Indefinite,
-            Status::NotConverged => Self::NotConverged,
-            _ => Self::NonFinite,
-        }
-    }
-
     /// In words.
     pub fn name(self) -> &'static str {
         match self {
@@ -63,6 +55,30 @@ impl TileVerdict {
             Self::Braked => "turning is braked",
             Self::Stretched => "stretched by turning",
         }
+    }
+}
+
+/// Takes a step of dt seconds and returns the energy after it; fails with the method, where the energy exceeds `most`, and where a particle goes
+/// further than `longest`.
+pub(super) fn step(
+    stepper: &mut dyn TimeStepper,
+    state: &mut State,
+    dt: f64,
+    energy: impl Fn(&State) -> f64,
+    (particle, longest): (usize, f64),
+    most: f64,
+) -> Result<f64, TileVerdict> {
+    let before = state.positions[particle];
+    stepper.step(state, dt).map_err(|failure| match failure.status() {
+        Status::Indefinite => TileVerdict::Indefinite,
+        Status::NotConverged => TileVerdict::NotConverged,
+        _ => TileVerdict::NonFinite,
+    })?;
+    match energy(state) {
+        energy if !energy.is_finite() => Err(TileVerdict::NonFinite),
+        energy if energy > most => Err(TileVerdict::EnergyGrowth),
+        _ if (state.positions[particle] - before).norm() > longest => Err(TileVerdict::LongStep),
+        energy => Ok(energy),
     }
 }
 
@@ -100,24 +116,12 @@ pub(super) fn experiment(
     let initial = excess(&state);
     // So many steps multiply the energy by a thousand where it grows by 0.35 % a step.
     for _ in 0..2000 {
-        let before = state.positions[0];
-        if let Err(failure) = stepper.step(&mut state, z) {
-            return Ok(TileVerdict::of_failure(failure.status()));
-        }
-        let energy = excess(&state);
-        let verdict = if !energy.is_finite() {
-            TileVerdict::NonFinite
-        } else if energy > growth * initial {
-            TileVerdict::EnergyGrowth
-        } else if (state.positions[0] - before).norm() > stretch {
-            TileVerdict::LongStep
-        } else if energy < 1e-9 * initial {
+        match step(&mut *stepper, &mut state, z, excess, (0, stretch), growth * initial) {
+            Err(verdict) => return Ok(verdict),
             // Damped away: growth would have to begin from nothing.
-            TileVerdict::Stable
-        } else {
-            continue;
-        };
-        return Ok(verdict);
+            Ok(energy) if energy < 1e-9 * initial => break,
+            Ok(_) => {}
+        }
     }
     Ok(TileVerdict::Stable)
 }

@@ -16,7 +16,7 @@
 //! angular momentum (symplectic Euler, implicit midpoint, `axial`) are not braked; symplectic Euler and `axial` stretch the spring to `√(1 + θ²)`
 //! in the first step.
 
-use super::TileVerdict;
+use super::experiment::{TileVerdict, step};
 use super::limits::{Limit, Prediction};
 use crate::accuracy::Configuration;
 use crate::error::Result;
@@ -33,9 +33,7 @@ fn model(angle: f64, z: f64) -> Result<(System, State)> {
     builder.spring(particle, centre, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
     builder.hold(centre);
     let (system, mut state) = builder.build()?;
-    if let Some(velocity) = state.velocities.get_mut(particle) {
-        velocity.y = angle / z;
-    }
+    state.velocities[particle].y = angle / z;
     Ok((system, state))
 }
 
@@ -55,27 +53,17 @@ fn largest_stretch(angle: f64, z: f64) -> f64 {
 pub(super) fn experiment(configuration: &Configuration, z: f64, angle: f64) -> Result<TileVerdict> {
     let (system, mut state) = model(angle, z)?;
     let mut stepper = configuration.method.stepper(&system, &state, &configuration.options)?;
-    let arm = |state: &State| state.positions.get(1).copied().unwrap_or_default();
-    let momentum = |state: &State| arm(state).cross(&state.velocities.get(1).copied().unwrap_or_default()).z;
-    let (before, initial) = (momentum(&state), Energy::of(&system, &state).total());
+    let momentum = |state: &State| state.positions[1].cross(&state.velocities[1]).z;
+    let energy = |state: &State| Energy::of(&system, state).total();
+    let (before, most) = (momentum(&state), 2.0 * energy(&state));
     let limit = (1.0 + MOST_STRETCHED) * largest_stretch(angle, z);
     let mut stretched = false;
     for _ in 0..(1.0 / angle).ceil() as usize {
-        let from = arm(&state);
-        if let Err(failure) = stepper.step(&mut state, z) {
-            return Ok(TileVerdict::of_failure(failure.status()));
+        let arm = state.positions[1].norm();
+        if let Err(verdict) = step(&mut *stepper, &mut state, z, energy, (1, arm), most) {
+            return Ok(verdict);
         }
-        let energy = Energy::of(&system, &state).total();
-        if !energy.is_finite() {
-            return Ok(TileVerdict::NonFinite);
-        }
-        if energy > 2.0 * initial {
-            return Ok(TileVerdict::EnergyGrowth);
-        }
-        if (arm(&state) - from).norm() > from.norm() {
-            return Ok(TileVerdict::LongStep);
-        }
-        stretched |= arm(&state).norm() > limit;
+        stretched |= state.positions[1].norm() > limit;
     }
     Ok(match momentum(&state) < (1.0 - MOST_BRAKED) * before {
         true => TileVerdict::Braked,
