@@ -247,7 +247,7 @@ impl BlockDiagonal for SymmetricMatrix {
 
 #[cfg(test)]
 mod tests {
-    use super::{BlockDiagonal, BlockPattern, LinearOperator, SymmetricMatrix};
+    use super::{BlockPattern, LinearOperator, SymmetricMatrix};
     use crate::system::DofMap;
     use nalgebra::Matrix3;
     use std::sync::Arc;
@@ -285,46 +285,8 @@ mod tests {
         let mut a = matrix();
         a.scale(&[2.0, 3.0, 10.0, 0.5, 1.0, 1.0]).unwrap();
         assert_eq!(entries(&a), [(0, 0, 8.0), (1, 0, -6.0), (3, 0, 4.0), (1, 1, 27.0), (2, 2, 500.0), (3, 3, -1.75)]);
-    }
-
-    /// An entry of row x of one particle and column y of another, seen from either.
-    #[test]
-    fn blocks_above_the_diagonal_are_put_below_it() {
-        let block = Matrix3::new(0.0, 6.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        for (pair, place) in [((0, 1), (4, 0)), ((1, 0), (3, 1))] {
-            let mut a = matrix();
-            a.set_zero();
-            let slot = a.pattern().slot(pair.0, pair.1).unwrap();
-            a.add_block(slot, &block);
-            assert_eq!(entries(&a), [(place.0, place.1, 6.0)]);
-        }
-        assert!(matrix().pattern().slot(0, 0).is_none());
-    }
-
-    #[test]
-    fn whole_matrices_have_both_triangles() {
-        let mut a = matrix();
         a.set_zero();
-        a.shift(2.0);
-        assert_eq!(entries(&a), [0, 1, 2, 3, 4, 5].map(|row| (row, row, 2.0)));
-        let a = matrix();
-        let whole = a.to_csc();
-        let value = |row, column| whole.get_entry(row, column).map_or(0.0, |entry| entry.into_value());
-        for row in 0..6 {
-            for column in 0..6 {
-                let lower = (row.max(column), row.min(column));
-                let stored = a.iter().find(|entry| (entry.0, entry.1) == lower).map_or(0.0, |entry| entry.2);
-                assert_eq!(value(row, column), stored, "{row} {column}");
-            }
-        }
-        let mut blocks = [Matrix3::zeros(); 2];
-        a.diagonal_blocks(&mut blocks);
-        assert_eq!(blocks[0], Matrix3::new(2.0, -1.0, 0.0, -1.0, 3.0, 0.0, 0.0, 0.0, 5.0));
-        assert_eq!((blocks[1][(0, 0)], blocks[1].sum()), (-7.0, -7.0));
-        // Products from both triangles.
-        let mut y = [9.0; 6];
-        a.apply(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], &mut y);
-        assert_eq!(y, [2.0 - 2.0 + 16.0, -1.0 + 6.0, 15.0, 4.0 - 28.0, 0.0, 0.0]);
+        assert_eq!(entries(&a), []);
     }
 
     /// Vectors that are short, long or empty are errors, and leave nothing that looks like a product.

@@ -6,6 +6,7 @@
 
 use crate::error::{Invalid, Result};
 use crate::operator::group;
+use crate::parallel::share;
 use crate::system::DofMap;
 use faer::sparse::{SymbolicSparseColMat, SymbolicSparseColMatRef};
 use std::ops::Range;
@@ -93,9 +94,10 @@ impl BlockPattern {
         self.symbolic.col_ptr()[self.dofs.first_row(particle)] as usize
     }
 
-    /// The first of some particles with at least `values` values before it, from the first of them on.
-    pub(super) fn particle_with(&self, particles: Range<usize>, values: usize) -> usize {
-        let wanted = self.values_before(particles.start) + values;
+    /// The cut of some particles that gives each of so many parts as many values.
+    pub(super) fn middle(&self, particles: &Range<usize>, parts: usize) -> usize {
+        let [first, last] = [particles.start, particles.end].map(|particle| self.values_before(particle));
+        let wanted = first + share(last - first, parts / 2, parts);
         let (mut low, mut high) = (particles.start, particles.end);
         while low < high {
             let middle = low + (high - low) / 2;

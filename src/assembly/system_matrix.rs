@@ -9,7 +9,7 @@ use super::{BlockPattern, SymmetricMatrix};
 use crate::error::Result;
 use crate::memory;
 use crate::operator::{SystemOperator, group};
-use crate::parallel::{parts, share};
+use crate::parallel::parts;
 use crate::system::System;
 use nalgebra::Matrix3;
 use std::ops::Range;
@@ -201,7 +201,7 @@ impl Filling<'_> {
         let between = |from: usize, to: usize| pattern.values_before(to) - pattern.values_before(from);
         if parts > 1 {
             let Range { start, end } = particles;
-            let middle = middle(pattern, &particles, parts);
+            let middle = pattern.middle(&particles, parts);
             let (left, right) = values.split_at_mut(between(start, middle));
             rayon::join(
                 || self.fill(start..middle, parts / 2, left),
@@ -249,12 +249,6 @@ impl Filling<'_> {
             }
         }
     }
-}
-
-/// The cut of some particles that gives each of so many parts as many values.
-fn middle(pattern: &BlockPattern, particles: &Range<usize>, parts: usize) -> usize {
-    let values = pattern.values_before(particles.end) - pattern.values_before(particles.start);
-    pattern.particle_with(particles.clone(), share(values, parts / 2, parts))
 }
 
 #[cfg(test)]
@@ -404,7 +398,7 @@ mod tests {
                         counts.push(values);
                         continue;
                     }
-                    let middle = middle(pattern, &particles, parts);
+                    let middle = pattern.middle(&particles, parts);
                     ranges.extend([(particles.start..middle, parts / 2), (middle..particles.end, parts - parts / 2)]);
                 }
                 let mean = pattern.entries() as f64 / threads as f64;

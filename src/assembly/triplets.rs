@@ -26,18 +26,6 @@ pub struct MatrixEntry {
 }
 
 /// The entries of the whole matrix (both triangles) by columns, rows ascending, one for every (row, column).
-///
-/// # Examples
-/// ```
-/// use nalgebra::Matrix3;
-/// use sprung::DofMap;
-/// use sprung::assembly::triplets::{BlockTriplet, assemble};
-///
-/// let block = |row, column, value| BlockTriplet { row, column, block: Matrix3::from_diagonal_element(value) };
-/// let dofs = DofMap::unconstrained(2);
-/// let entries = assemble(&dofs, &[block(0, 0, 1.0), block(1, 0, -2.0), block(0, 0, 3.0)]);
-/// assert_eq!((entries[0].row, entries[0].column, entries[0].value), (0, 0, 4.0));
-/// ```
 pub fn assemble(dofs: &DofMap, triplets: &[BlockTriplet]) -> Vec<MatrixEntry> {
     let mut entries = Vec::with_capacity(9 * triplets.len());
     for triplet in triplets {

@@ -198,10 +198,7 @@ mod tests {
         ] {
             assert_eq!(fits(last, left), expected, "{last:?} {left:?}");
         }
-    }
-
-    #[test]
-    fn sweeps_begin_with_a_few_steps() {
+        // A sweep begins with a few steps.
         for (dt, duration, expected) in [(0.25, 8.0, 2.0), (0.25, 7.9, 1.0), (3.0, 4.0, 0.75), (3.0, 8.0, 1.5)] {
             assert_eq!(coarsest(dt, duration), expected);
         }

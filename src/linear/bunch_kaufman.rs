@@ -74,7 +74,6 @@ impl FactorKind for BunchKaufman {
         Self { pivoting: Pivoting::None, subdiagonal: vec![0.0; n], forward: vec![0; n], inverse: vec![0; n] }
     }
 
-    /// Never fails: failures show in the pivots and in the error.
     fn factor(&mut self, analysis: &mut Analysis, a: &SymmetricMatrix) -> Result<(), usize> {
         let Self { pivoting, subdiagonal, forward, inverse } = self;
         // faer does not write where there is nothing to eliminate.

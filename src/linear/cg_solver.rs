@@ -275,19 +275,6 @@ mod tests {
         solver.prepare(&a, &mut work).unwrap().solve(&b, &mut x, &mut work).unwrap();
     }
 
-    /// Coarse matrices are made from some ten thousand rows at a time. With several times as many the coarse levels are as good.
-    #[test]
-    fn coarse_levels_of_long_chains_are_as_good() {
-        let iterations = [10_000, 40_000].map(|particles| {
-            let scene = chain(particles);
-            let (a, b) = (operator(&scene, 1.0), right_hand_side(particles));
-            let (mut work, mut solver) = (Work::default(), solver(&scene.0, PreconditionerKind::Multigrid));
-            solver.prepare(&a, &mut work).unwrap().solve(&b, &mut vec![0.0; particles], &mut work).unwrap();
-            work.cg_iterations
-        });
-        assert!(iterations[0] < 100 && iterations[1] < 2 * iterations[0], "{iterations:?}");
-    }
-
     /// A diagonal matrix that counts its products.
     struct Diagonal {
         entries: Vec<f64>,

@@ -162,13 +162,6 @@ mod tests {
         assert_eq!(of_node, [&expected[..], &[None]].concat());
     }
 
-    /// Between two neighbourhoods a node joins the one to which it is coupled more stiffly.
-    #[test]
-    fn what_lies_between_joins_its_stiffest_neighbour() {
-        let (count, of_node) = aggregates(5, &[(0, 1, 1.0), (1, 2, 1.0), (2, 3, 2.0), (3, 4, 1.0)]);
-        assert_eq!((count, of_node), (2, [0, 0, 1, 1, 1].map(Some).to_vec()));
-    }
-
     #[test]
     fn couplings_are_undirected_and_those_of_groups_are_added_up() {
         let graph = Graph::new(4, [(2, 0, 1.0), (0, 1, 2.0), (1, 0, 4.0), (3, 3, 9.0), (3, 2, 8.0)].into_iter());

@@ -5,7 +5,8 @@ use super::{Dof, Hierarchy, Multigrid, SetupFailure};
 use crate::force::SpringGeometry;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::{Spring, Stiffness};
-use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
+use crate::system::fixtures::row;
+use crate::system::{Axes, Constraint, Motion, SystemBuilder};
 
 /// A particle between two that are held, on springs along x of this stiffness and rest length, held along some axes itself; with levels down to one
 /// of so many unknowns.
@@ -86,26 +87,13 @@ fn long_waves_are_refused_on_the_level_that_sees_them() {
     assert_eq!([2.5, 1.2, 0.5].map(level), [1, 2, 3]);
 }
 
-/// Particles of 3 kg in a row, joined by soft springs; the first is held.
-fn row(particles: usize) -> (System, State) {
-    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-    for p in 0..particles {
-        builder.particle([p as f64, 0.0, 0.0], 3.0);
-        if p > 0 {
-            builder.spring(p - 1, p, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        }
-    }
-    builder.hold(0);
-    builder.build().unwrap()
-}
-
 /// A factorization that refuses is that of the whole matrix where there is no other level, and of a coarse level below one.
 #[test]
 fn refusals_are_of_their_level() {
     let (system, state) = row(50);
     let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(1.0));
-    let hierarchy = Hierarchy::<1, 1>::new(&system, 10).unwrap();
+    let hierarchy = Hierarchy::<3, 6>::new(&system, 10).unwrap();
     let refused = |level| hierarchy.failure(&a, NotPositiveDefinite { level, node: 0, pivot: None });
     assert!(matches!(refused(0), SetupFailure::Pivot(_)), "{:?}", refused(0));
     assert!(matches!(refused(1), SetupFailure::CoarseLevel { level: 1, .. }), "{:?}", refused(1));

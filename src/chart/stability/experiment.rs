@@ -31,30 +31,21 @@ pub enum TileVerdict {
 }
 
 impl TileVerdict {
-    /// Every verdict, in the order in which they are looked for.
-    pub const ALL: [Self; 8] = [
-        Self::Stable,
-        Self::NonFinite,
-        Self::Indefinite,
-        Self::NotConverged,
-        Self::EnergyGrowth,
-        Self::LongStep,
-        Self::Braked,
-        Self::Stretched,
+    /// All verdicts in words, in the order in which they are looked for.
+    pub const NAMES: [&'static str; 8] = [
+        "stable",
+        "not finite",
+        "A indefinite",
+        "not converged",
+        "energy grows",
+        "step longer than a spring",
+        "turning is braked",
+        "stretched by turning",
     ];
 
     /// In words.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Stable => "stable",
-            Self::NonFinite => "not finite",
-            Self::Indefinite => "A indefinite",
-            Self::NotConverged => "not converged",
-            Self::EnergyGrowth => "energy grows",
-            Self::LongStep => "step longer than a spring",
-            Self::Braked => "turning is braked",
-            Self::Stretched => "stretched by turning",
-        }
+        Self::NAMES[self as usize]
     }
 }
 

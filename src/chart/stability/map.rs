@@ -260,7 +260,7 @@ impl Tile {
             columns: self.columns.clone(),
             rows: self.rows.clone(),
             cells: self.verdicts.iter().map(|row| row.iter().map(|&verdict| verdict as usize).collect()).collect(),
-            classes: TileVerdict::ALL.iter().map(|verdict| verdict.name().into()).collect(),
+            classes: TileVerdict::NAMES.map(Into::into).to_vec(),
             curves,
         }
     }
