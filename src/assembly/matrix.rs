@@ -81,7 +81,6 @@ impl SymmetricMatrix {
         }
     }
 
-    /// The matrix times a number.
     pub(crate) fn scaled(&self, factor: f64) -> Self {
         let values = self.values.iter().map(|value| factor * value).collect();
         Self { pattern: self.pattern.clone(), values }
@@ -93,7 +92,6 @@ impl SymmetricMatrix {
         Self { pattern: self.pattern.clone(), values }
     }
 
-    /// The sum with a matrix on the same pattern.
     pub(crate) fn plus(mut self, other: &Self) -> Self {
         self.values.iter_mut().zip(&other.values).for_each(|(a, b)| *a += b);
         self

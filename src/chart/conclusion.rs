@@ -65,7 +65,6 @@ impl WorkPrecision {
         Some(format!("Best below {percent} %: {} with {}, {steps}{next}.", best.stiffness, best.solver))
     }
 
-    /// The method that is accurate enough with the longest steps.
     fn longest_step(&self, drawn: &[Series]) -> Option<String> {
         let accuracy = self.telling_decision()?.accuracy;
         let ranked = self.ranked(accuracy, |run| run.rtol.is_none().then_some(-run.dt));

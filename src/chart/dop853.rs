@@ -111,7 +111,6 @@ pub fn dop853(
     state.is_finite().then_some(state)
 }
 
-/// Integrates the state that the observer holds from a time to another.
 fn interval(
     system: &System,
     state: &State,

@@ -56,7 +56,6 @@ fn by_option(curve: &Curve<'_>) -> (String, Look) {
     (format!("{}, {}", curve.stiffness, curve.solver), look)
 }
 
-/// A plot with a line for every curve, through the points that its runs have.
 fn with_curves(plot: Plot, curves: &[Curve<'_>], legend: Legend, point: impl Fn(&Run) -> Option<(f64, f64)>) -> Plot {
     curves.iter().fold(plot, |plot, curve| {
         let (name, look) = legend(curve);
@@ -169,7 +168,6 @@ impl WorkPrecision {
         let title = format!("Error over the time step: {}", self.scene);
         let plot = Plot::log_log(title, "time step, s", "relative position error at the end");
         let plot = with_curves(plot, curves, by_method, |run| Some((run.dt, run.useful_error()?)));
-        // Failures of the method's other configurations too.
         let all = super::curve::curves(&self.runs);
         let of_method = |curve: &Curve<'_>| {
             all.iter().filter(|other| other.method == curve.method).flat_map(|other| other.runs.clone()).collect()

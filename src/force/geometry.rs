@@ -168,7 +168,6 @@ impl SpringGeometry {
         springs.map(|(position, ((.., spring), at))| (self.tangents.get(position).unwrap_or(spring), at))
     }
 
-    /// The parameters of the active spring at a position.
     #[inline]
     pub(crate) fn spring<'a>(&'a self, system: &'a System, position: usize) -> &'a Spring {
         let own = || &system.springs()[system.active_springs()[position] as usize];

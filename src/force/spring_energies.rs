@@ -139,10 +139,7 @@ impl<'s> SpringEnergies<'s> {
     }
 
     /// Does [`set_total_force`] and [`see`](Self::see), in one pass where one thread has all springs, with the same bits except in the forces on
-    /// fixed particles, which nothing depends on.
-    ///
-    /// # Errors
-    /// A spring whose ends coincide.
+    /// fixed particles, which nothing depends on. A spring whose ends coincide is an error.
     pub(crate) fn set_force(
         &mut self,
         system: &System,
@@ -194,7 +191,6 @@ impl<'s> SpringEnergies<'s> {
         self.total()
     }
 
-    /// The sums of the last pass.
     pub(crate) fn total(&self) -> SpringSums {
         self.blocks.iter().map(|block| &block.sums).fold(SpringSums::default(), SpringSums::add)
     }
@@ -221,10 +217,7 @@ struct Step<'a> {
 
 impl Step<'_> {
     /// A pass over the springs of some blocks, the first of which is `first`. Where there is a `force` it adds their forces, those on fixed ends
-    /// included: for systems that are not a part of another, without a spring law of the caller's own.
-    ///
-    /// # Errors
-    /// A spring with coincident ends, where forces are added.
+    /// included, and fails at coincident ends: for systems that are not a part of another, without a spring law of the caller's own.
     fn pass(
         &self,
         first: usize,

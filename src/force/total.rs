@@ -45,7 +45,6 @@ fn add_pairs_of(
     accumulator.flush(first, total);
 }
 
-/// Calls `add` in parallel with every partition and the vectors of its particles.
 fn for_each_partition<E: Send>(
     partitions: &[ThreadPartition],
     total: &mut [Vector3<f64>],

@@ -87,7 +87,6 @@ enum Method {
     Cholesky,
 }
 
-/// The state of the factorization.
 enum Direct {
     Unknown,
     /// Analysed, and without memory yet.

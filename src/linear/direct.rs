@@ -199,10 +199,9 @@ impl LinearSolver for LdltSolver {
         let Assembled { matrix, factorization, .. } = &self.assembled;
         self.matrix_norm = matrix.matrix().norm_inf(&mut self.correction);
         let mut negative = factorization.pivots().filter(|&(_, d)| d < 0.0);
-        Ok(match negative.next() {
-            None => Definiteness::Positive,
-            Some((row, _)) => Definiteness::Indefinite { negative: 1 + negative.count(), dof: a.system().dofs().dof(row) },
-        })
+        let Some((row, _)) = negative.next() else { return Ok(Definiteness::Positive) };
+        let (negative, dof) = (1 + negative.count(), a.system().dofs().dof(row));
+        Ok(Definiteness::Indefinite { negative, dof })
     }
 
     fn solve(&mut self, a: PreparedMatrix, b: &[f64], x: &mut [f64], work: &mut Work) -> Solved {

@@ -12,7 +12,6 @@ use crate::system::System;
 use crate::work::Work;
 use nalgebra::Vector3;
 
-/// State of the coarse levels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Coarse {
     /// Never computed, or failed.

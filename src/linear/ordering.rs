@@ -170,7 +170,6 @@ impl ParticleGraph {
     }
 }
 
-/// The order, if it is a permutation.
 fn permutation(order: Vec<i32>, length: usize) -> Option<Vec<u32>> {
     let mut seen = vec![false; length];
     let is_new = |&v: &i32| seen.get_mut(v as usize).is_some_and(|seen| !std::mem::replace(seen, true));

@@ -112,7 +112,6 @@ pub(super) fn double<const R: usize, const C: usize>(a: &Block<R, C, f32>) -> Bl
     double
 }
 
-/// `factor·A`.
 #[inline(always)]
 pub(super) fn scaled<const R: usize, const C: usize>(factor: f64, a: &Block<R, C>) -> Block<R, C> {
     let mut scaled = *a;
@@ -120,13 +119,11 @@ pub(super) fn scaled<const R: usize, const C: usize>(factor: f64, a: &Block<R, C
     scaled
 }
 
-/// `Aᵀ`.
 #[inline(always)]
 pub(super) fn transposed<const R: usize, const C: usize>(a: &Block<R, C>) -> Block<C, R> {
     std::array::from_fn(|r| std::array::from_fn(|c| a[c][r]))
 }
 
-/// `A + B`.
 #[inline(always)]
 pub(super) fn sum<const R: usize, const C: usize, T: Real>(a: &Block<R, C, T>, b: &Block<R, C, T>) -> Block<R, C, T> {
     let mut sum = *a;
@@ -136,7 +133,6 @@ pub(super) fn sum<const R: usize, const C: usize, T: Real>(a: &Block<R, C, T>, b
     sum
 }
 
-/// `A + s I`.
 #[inline(always)]
 pub(super) fn shifted<const N: usize>(a: &Block<N, N>, shift: f64) -> Block<N, N> {
     let mut shifted = *a;
@@ -174,7 +170,6 @@ pub(super) fn without_negligible<const R: usize, const C: usize>(a: &Block<R, C,
     without_negligible
 }
 
-/// `Σ x_i²`.
 #[inline]
 pub(super) fn norm_squared(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum()

@@ -21,7 +21,6 @@ use std::sync::Arc;
 /// ε. A tenth of it changes iteration counts as little, and leaves a digit less of the corrections near ωλ = 1.
 pub(super) const UNSMOOTHED: f64 = 1e-3;
 
-/// Rows of A P and A T in memory at once.
 const SECTION: usize = 4096;
 
 /// Least rows of A_c for a thread: few of them have a part in a section.
@@ -32,7 +31,6 @@ const GRAIN: usize = 64;
 pub(super) struct Galerkin<const N: usize, const M: usize> {
     product: Pattern,
     sections: Vec<Section>,
-    /// The blocks of one section of A P and A T, row by row.
     section: Vec<Block<N, M>>,
     pub coarse: BlockMatrix<M, M>,
 }

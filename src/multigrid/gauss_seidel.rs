@@ -26,7 +26,6 @@ use crate::operator::prefetch_all;
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-/// A matrix ready for block Gauss–Seidel.
 #[derive(Debug, Clone)]
 pub(super) struct GaussSeidel<const N: usize> {
     /// Rows of a domain; the last may have fewer.

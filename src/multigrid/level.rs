@@ -14,7 +14,6 @@ use faer::linalg::cholesky::llt;
 use faer::mat::{MatMut, MatRef};
 use faer::{Conj, Par, Spec};
 
-/// A matrix and its approximate solution.
 #[derive(Debug)]
 pub(super) enum Level<const N: usize, const M: usize> {
     /// Small enough for a factorization.

@@ -96,7 +96,6 @@ impl<'v, T: Send> OfRows for OneEach<'v, T> {
     }
 }
 
-/// The values of the rows of a pattern.
 #[derive(Debug)]
 pub(super) struct Values<'v, P, T>(pub &'v P, pub &'v mut [T]);
 

@@ -248,7 +248,6 @@ impl Tile {
                 }
             }
         }
-        // Only limits between the first column and the last are shown.
         if let (Some(first), Some(last)) = (self.columns.first(), self.columns.last()) {
             curves.retain(|curve| curve.points.iter().any(|(z, _)| (first..=last).contains(&z)));
         }
