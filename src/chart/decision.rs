@@ -50,7 +50,7 @@ impl WorkPrecision {
 
     /// The decision that is worth speaking of: for 1 %, or what is nearest to it among the accuracies that were reached.
     pub(super) fn telling_decision(&self) -> Option<Decision<'_>> {
-        self.decisions().into_iter().take(2).last()
+        self.decisions().into_iter().take(2).next_back()
     }
 
     /// The conclusions of the sweep, in one sentence each.
