@@ -8,9 +8,8 @@ use super::summary::SummaryText;
 use super::threads::{end_in_order, is_interrupted};
 use indicatif::ProgressBar;
 use sprung::accuracy::{AccuracyOptions, Observer, SearchProgress, run_to_accuracy};
-use sprung::force::Energy;
 use sprung::integrate::{Monitor, Schedule};
-use sprung::output::{Checkpoint, EnergyChange, EnergyLog, Summary, clear_frames, write_final_state};
+use sprung::output::{Checkpoint, EnergyChange, EnergyLog, Summary, clear_frames};
 use sprung::{Error, Result, State, System};
 use std::path::Path;
 use std::time::Instant;
@@ -20,7 +19,6 @@ use tempfile::TempDir;
 pub struct RecordedRun {
     recorder: Recorder,
     folder: TempDir,
-    initial: Energy,
     energy: EnergyChange,
 }
 
@@ -38,19 +36,20 @@ impl Observer for ProgressObserver<'_> {
     fn begin(&mut self, monitor: &Monitor) -> Result<RecordedRun> {
         let folder = tempfile::Builder::new().prefix(".sprung-").tempdir_in(self.folder);
         let folder = folder.map_err(|source| Error::io(self.folder, source))?;
-        let mut recorder = Recorder {
+        let recorder = Recorder {
             energies: EnergyLog::create(folder.path().join("energy.csv"))?,
             frames: self.files.start_frames(folder.path(), &self.schedule, self.scene, None)?,
             progress: ProgressBar::hidden(),
         };
-        recorder.record(&self.scene.system, &self.scene.state, 0, monitor)?;
         let initial = monitor.initial();
         let energy = EnergyChange::between(&initial, &initial, monitor.balance());
-        Ok(RecordedRun { recorder, folder, initial, energy })
+        let mut run = RecordedRun { recorder, folder, energy };
+        run.recorder.record(&self.scene.system, &self.scene.state, 0, monitor)?;
+        Ok(run)
     }
 
     fn record(&mut self, run: &mut RecordedRun, number: u64, state: &State, monitor: &Monitor) -> Result<()> {
-        run.energy = EnergyChange::between(&run.initial, &monitor.energy(), monitor.balance());
+        run.energy = EnergyChange::between(&monitor.initial(), &monitor.energy(), monitor.balance());
         run.recorder.record(&self.scene.system, state, number, monitor)
     }
 
@@ -114,10 +113,7 @@ pub fn search(
     let (state, run) = (&found.state, found.records);
     let written = clear_frames(&claimed)
         .and_then(|()| run.publish(system, folder))
-        .and_then(|()| files.remove_older(&claimed))
-        .and_then(|()| write_final_state(folder.join("final.json"), name, system, summary.steps, state))
-        .and_then(|()| summary.write(folder.join("summary.json")))
-        .and_then(|()| files.finish(folder));
+        .and_then(|()| files.finish(&claimed, system, state, &summary));
     let names = written.map_err(Stop::Broken)?;
     SummaryText { summary: &summary, system, folder, files: &names }.print(console)?;
     Ok(summary)

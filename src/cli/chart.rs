@@ -85,24 +85,22 @@ impl Chart {
         let options = SweepOptions { duration, dt, budget: sweep, par, interrupt: interrupt() };
         let bar = console.bar(budget.as_secs().max(1), "{wide_bar} {pos} of at most {len} s, {msg}");
         bar.set_message("starting");
-        let measured = self.process.threads.install(|| {
+        let (measured, map) = self.process.threads.install(|| {
             let mut progress = |elapsed: Duration, what: &str| {
                 bar.set_position(elapsed.as_secs());
                 bar.set_message(what.to_owned());
             };
-            let measured = WorkPrecision::measure(&scene.name, &scene.system, &scene.state, &options, &mut progress)
+            let mut chart = WorkPrecision::measure(&scene.name, &scene.system, &scene.state, &options, &mut progress)
                 .map_err(|error| error.in_file(&scene.file))?;
-            Ok(measured.map(|mut chart| {
-                chart.verify_recommendations(|run| whole.is_none_or(|whole| holds(&scene, run, whole, until)));
-                chart
-            }))
-        })?;
-        let map = self.process.threads.install(|| {
-            if !self.stability {
-                return Ok(StabilityMap { tiles: Vec::new(), missing: 0 });
+            if let (Some(chart), Some(whole)) = (&mut chart, whole) {
+                chart.verify_recommendations(|run| holds(&scene, run, whole, until));
             }
             let mut progress = |_: Duration, what: &str| bar.set_message(format!("stability of {what}"));
-            Ok(StabilityMap::within(36, &mut progress, until)?)
+            let map = match self.stability {
+                true => StabilityMap::within(36, &mut progress, until)?,
+                false => StabilityMap { tiles: Vec::new(), missing: 0 },
+            };
+            Ok((chart, map))
         })?;
         bar.finish_and_clear();
         let Some(chart) = measured else {

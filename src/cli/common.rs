@@ -68,10 +68,10 @@ pub fn folder_of(name: &str) -> PathBuf {
 }
 
 impl LoadedScene {
-    /// The value of an option, or of the scene's key; an error where neither is given.
-    pub fn or_given<T>(&self, option: Option<T>, key: Option<T>, name: &str) -> Result<T> {
-        option.or(key).ok_or_else(|| {
-            Error::Usage(format!("{}: no {name}: give the option --{name} or the key time.{name}", self.file.display()))
+    pub fn duration(&self, given: Option<f64>) -> Result<f64> {
+        given.or(self.time.duration).ok_or_else(|| {
+            let file = self.file.display();
+            Error::Usage(format!("{file}: no duration: give the option --duration or the key time.duration"))
         })
     }
 
@@ -83,8 +83,8 @@ impl LoadedScene {
         })
     }
 
-    pub fn motion_length(&self, option: Option<f64>, what: &str) -> Result<f64> {
-        let duration = self.or_given(option, self.time.duration, "duration")?;
+    pub fn motion_length(&self, given: Option<f64>, what: &str) -> Result<f64> {
+        let duration = self.duration(given)?;
         if duration > 0.0 {
             return Ok(duration);
         }

@@ -177,30 +177,11 @@ mod tests {
 
     #[test]
     fn numbers_and_time_spans_are_short() {
-        for (value, text) in [
-            (1.6666666666666667, "1.66667"),
-            (-1380.194123, "-1380.19"),
-            (0.1 + 0.2, "0.3"),
-            (20.0, "20"),
-            (-0.0, "0"),
-            (2.5e-7, "2.5e-7"),
-            (31557600.0, "3.15576e7"),
-            (f64::NAN, "NaN"),
-        ] {
-            assert_eq!(number(value), text);
-        }
+        let numbers = [5.0 / 3.0, -1380.194123, 20.0, -0.0, 2.5e-7, 31557600.0, f64::NAN].map(number);
+        assert_eq!(numbers, ["1.66667", "-1380.19", "20", "0", "2.5e-7", "3.15576e7", "NaN"]);
         assert_eq!([0, 1, 2].map(|n| count(n, "step")), ["0 steps", "1 step", "2 steps"]);
-        for (seconds, text) in [
-            (0.3512, "0.35 s"),
-            (9.996, "10.0 s"),
-            (59.9, "59.9 s"),
-            (59.96, "1 min"),
-            (108.6, "1 min 49 s"),
-            (3600.0, "1 h"),
-            (7523.0, "2 h 5 min"),
-        ] {
-            assert_eq!(time_span(seconds), text);
-        }
+        let spans = [0.3512, 9.996, 59.9, 59.96, 108.6, 3600.0, 7523.0].map(time_span);
+        assert_eq!(spans, ["0.35 s", "10.0 s", "59.9 s", "1 min", "1 min 49 s", "1 h", "2 h 5 min"]);
     }
 
     #[test]

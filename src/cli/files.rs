@@ -4,9 +4,10 @@ use super::common::{LoadedScene, claim, positive_count};
 use super::console::number;
 use super::view::{PAGE, write_page};
 use indicatif::ProgressBar;
-use sprung::integrate::{Monitor, Schedule};
+use sprung::integrate::{Monitor, Schedule, Status};
 use sprung::output::{
-    BUNDLE, Checkpoint, EnergyLog, Frames, LogPosition, OutputFolder, TRAJECTORY, clear_frames, playback,
+    BUNDLE, Checkpoint, EnergyLog, Frames, LogPosition, OutputFolder, Summary, TRAJECTORY, WAITING, clear_frames,
+    playback, write_final_state,
 };
 use sprung::plan::RECORDS;
 use sprung::{Result, State, System};
@@ -37,8 +38,24 @@ impl Files {
         Ok(claimed)
     }
 
-    /// Writes the page, if requested; returns the names of all files of a run.
-    pub fn finish(&self, folder: &Path) -> Result<Vec<&'static str>> {
+    /// Writes what is left to write at the end of a run, and removes files of an earlier one; returns the names of all files.
+    pub fn finish(
+        &self,
+        claimed: &OutputFolder,
+        system: &System,
+        state: &State,
+        summary: &Summary,
+    ) -> Result<Vec<&'static str>> {
+        let folder = claimed.path();
+        write_final_state(folder.join("final.json"), &summary.scene, system, summary.steps, state)?;
+        self.remove_older(claimed)?;
+        summary.write(folder.join("summary.json"))?;
+        if summary.status == Status::Completed {
+            // The last checkpoint stays for a longer run; its frames are in the trajectory.
+            Checkpoint::finish(claimed)?;
+            claimed.remove(WAITING)?;
+            claimed.tidy();
+        }
         if self.view {
             playback(folder).and_then(|motion| write_page(&folder.join(PAGE), &motion))?;
         }
@@ -84,7 +101,7 @@ impl Files {
         files.map(|(name, _)| name).collect()
     }
 
-    pub fn remove_older(&self, folder: &OutputFolder) -> Result<()> {
+    fn remove_older(&self, folder: &OutputFolder) -> Result<()> {
         if self.frames.is_none() {
             clear_frames(folder)?;
         }

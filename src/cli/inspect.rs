@@ -106,10 +106,8 @@ impl Inspect {
         write(&folder, &claimed, &report.html(&pictures), &pictures).map_err(Stop::Broken)?;
         let text = report.text();
         console.result(&report, format!("{text}\n  pictures     {}", folder.join("inspect.html").display()))?;
-        if let Some(RunFailure { step, time, failure }) = failure {
-            let time = number(time);
-            let status = failure.status().name();
-            return Err(Stop::Computation(format!("{status} in step {step}, at t = {time} s: {failure}")));
+        if let Some(failure) = failure {
+            return Err(failure.into());
         }
         if is_interrupted() {
             return Err(Stop::Computation("interrupted: what was not looked at is left out".into()));

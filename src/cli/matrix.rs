@@ -92,11 +92,7 @@ impl Matrix {
             Outcome { end: Ok(ControlFlow::Break(())), steps } => {
                 Err(Stop::Computation(format!("interrupted after step {steps}: no matrix was written")))
             }
-            Outcome { end: Err(failed), .. } => {
-                let (status, time) = (failed.failure.status().name(), number(failed.time));
-                let step = failed.step;
-                Err(Stop::Computation(format!("{status} in step {step}, at t = {time} s: {}", failed.failure)))
-            }
+            Outcome { end: Err(failure), .. } => Err(failure.into()),
         }
     }
 

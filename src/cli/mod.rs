@@ -23,6 +23,7 @@ mod view;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::Console;
 use sprung::Error;
+use sprung::integrate::RunFailure;
 use std::process::ExitCode;
 
 /// Implicit mass–spring systems with an explicitly assembled sparse matrix.
@@ -66,6 +67,14 @@ pub enum Stop {
     Computation(String),
     /// The computation failed, and all is said.
     Reported,
+}
+
+/// A step that failed.
+impl From<RunFailure> for Stop {
+    fn from(RunFailure { step, time, failure }: RunFailure) -> Self {
+        let (status, time) = (failure.status().name(), console::number(time));
+        Self::Computation(format!("{status} in step {step}, at t = {time} s: {failure}"))
+    }
 }
 
 impl From<Error> for Stop {

@@ -186,7 +186,6 @@ pub struct Earlier {
     run: Option<String>,
     /// Its files that this run does not write.
     removed: Vec<&'static str>,
-    /// The checkpoint, where the run is to be resumed.
     checkpoint: Option<Checkpoint>,
     /// The run of the checkpoint came to its end.
     is_finished: bool,

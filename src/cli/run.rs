@@ -14,8 +14,8 @@ use sprung::inspect::Inspection;
 use sprung::integrate::{ImplicitOptions, Schedule, Status, StiffnessPolicy};
 use sprung::linear::Tolerance;
 use sprung::output::{
-    Checkpoint, ChoiceReport, EnergyLog, FailureReport, Frames, OutputFolder, RunRecord, Summary, WAITING,
-    clear_frames, clear_frames_after, fingerprint, write_failed_step, write_final_state,
+    Checkpoint, ChoiceReport, EnergyLog, FailureReport, Frames, OutputFolder, RunRecord, Summary, clear_frames,
+    clear_frames_after, fingerprint, write_failed_step,
 };
 use sprung::plan::{DEFAULT_STEP, Plan, parallelism};
 use sprung::report::inspection::explain;
@@ -124,7 +124,7 @@ impl Run {
     fn pacing(&self, console: &Console, scene: &LoadedScene) -> Result<Pacing> {
         let options = self.method.run_options();
         let is_adaptive = options.rtol.is_some();
-        let duration = || scene.or_given(self.duration, scene.time.duration, "duration");
+        let duration = || scene.duration(self.duration);
         if let (Some(dt), true, None) = (scene.time.dt, is_adaptive, self.dt) {
             let dt = number(dt);
             console.note(format_args!("--rtol: steps are adaptive; the scene's dt of {dt} s is not used"));
@@ -206,7 +206,8 @@ impl Run {
             choice: ChoiceReport::of_plan(plan, *has_no_dt),
         };
         let summary = record.summary();
-        let names = self.finish(&claimed, recorder, system, &state, &summary).map_err(Stop::Broken)?;
+        let written = recorder.finish(system).and_then(|()| self.files.finish(&claimed, system, &state, &summary));
+        let names = written.map_err(Stop::Broken)?;
         SummaryText { summary: &summary, system, folder: &folder, files: &names }.print(console)?;
         if let Some(FailureReport { step, time, message }) = &summary.failure {
             let time = number(*time);
@@ -231,28 +232,6 @@ impl Run {
         }
         Checkpoint::forget(folder)?;
         if self.files.frames.is_some() { clear_frames(folder) } else { Ok(()) }
-    }
-
-    fn finish(
-        &self,
-        folder: &OutputFolder,
-        recorder: Recorder,
-        system: &System,
-        state: &State,
-        summary: &Summary,
-    ) -> Result<Vec<&'static str>> {
-        let path = folder.path();
-        recorder.finish(system)?;
-        write_final_state(path.join("final.json"), &summary.scene, system, summary.steps, state)?;
-        self.files.remove_older(folder)?;
-        summary.write(path.join("summary.json"))?;
-        if summary.status == Status::Completed {
-            // The last checkpoint stays for a longer run; its frames are in the trajectory.
-            Checkpoint::finish(folder)?;
-            folder.remove(WAITING)?;
-            folder.tidy();
-        }
-        self.files.finish(path)
     }
 
     /// Everything besides the length of the run that determines the bits of the files: a name and a value on each line.

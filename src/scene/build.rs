@@ -1,7 +1,7 @@
 //! From a [`Scene`] to a checked [`System`] and its initial [`State`].
 
 use super::schema::{AxisName, ConstraintEntry, TimeSettings};
-use super::{Drag, Flags, Gravity, MeshGeometry, Row, Scene, Springs, Values};
+use super::{Drag, Flags, Gravity, MeshGeometry, Row, Scene, Values};
 use crate::error::{Error, Invalid, Result, each};
 use crate::memory;
 use crate::spring::{Extension, Spring};
@@ -49,21 +49,18 @@ impl Scene {
 
     /// The error of a value that is one number for all, which has no index.
     fn without_index_of_one(&self, error: Error) -> Error {
-        let Springs { stiffness, rest_lengths, damping, .. } = &self.springs;
-        match error {
-            Error::Invalid(invalid) => {
-                let values = match invalid.key.as_str() {
-                    "particles.masses" => &self.particles.masses,
-                    "springs.stiffness" => stiffness,
-                    "springs.rest_lengths" => rest_lengths,
-                    "springs.damping" => damping,
-                    _ => &None,
-                };
-                let index = invalid.index.filter(|_| !matches!(values, Some(Values::Uniform(_))));
-                Error::Invalid(Invalid { index, ..invalid })
-            }
-            other => other,
+        let Error::Invalid(mut invalid) = error else { return error };
+        let values = match invalid.key.as_str() {
+            "particles.masses" => &self.particles.masses,
+            "springs.stiffness" => &self.springs.stiffness,
+            "springs.rest_lengths" => &self.springs.rest_lengths,
+            "springs.damping" => &self.springs.damping,
+            _ => &None,
+        };
+        if matches!(values, Some(Values::Uniform(_))) {
+            invalid.index = None;
         }
+        invalid.into()
     }
 
     /// The description of the system, with meshes read, single numbers spread and absent values filled in, but without loads, drag,
@@ -344,28 +341,6 @@ mod tests {
             },
             ..Scene::default()
         }
-    }
-
-    /// A number for all has no index, and a vertex of a mesh is named by the file's number.
-    #[test]
-    fn errors_name_what_the_file_has() {
-        let message = |scene: &Scene| scene.build().unwrap_err().to_string();
-        let rule = "makes an energy beyond the largest number";
-        let mut heavy = Scene { gravity: Some(super::Gravity::Constant([0.0, 0.0, -1.0].into())), ..scene(3, 1) };
-        heavy.particles.positions[2] = [0.0, 0.0, 100.0].into();
-        heavy.particles.masses = Some(Values::Uniform(1e307));
-        assert_eq!(message(&heavy), format!("particles.masses = 1e307: {rule}"));
-        heavy.particles.masses = Some(Values::Each(vec![1.0, 1.0, 1e307]));
-        assert_eq!(message(&heavy), format!("particles.masses[2] = 1e307: {rule}"));
-
-        let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("far.obj"), "v 0 0 0\nv 1 0 0\nv 0 -1e140 0\nf 1 2 3\n").unwrap();
-        let text = "[mesh]\nfile = 'far.obj'\nscale = 1e20\n[particles]\nmasses = 1\n[springs]\nstiffness = 1";
-        std::fs::write(folder.path().join("far.toml"), text).unwrap();
-        let far = message(&Scene::load(folder.path().join("far.toml")).unwrap());
-        let expected =
-            "far.toml: mesh.file = \"far.obj\": vertex 3 is at [0.0, -1e160, 0.0] m: must be at most 1e150 in size";
-        assert!(far.ends_with(expected), "{far}");
     }
 
     /// The reserved memory covers the description, whether most of it is particles or springs.

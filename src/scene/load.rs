@@ -159,15 +159,12 @@ fn plain(message: &str) -> String {
     if let Some(rest) = message.strip_prefix("EOF while parsing ") {
         return format!("the text ends in {}", rest.replacen("an object", "a table", 1));
     }
-    if let Some(rest) = message.strip_prefix("invalid type: ").or(message.strip_prefix("invalid value: "))
-        && let Some((found, wanted)) = rest.split_once(", expected ")
-    {
+    let split = |start: &str| message.strip_prefix(start)?.split_once(", expected ");
+    if let Some((found, wanted)) = split("invalid type: ").or_else(|| split("invalid value: ")) {
         let found = found_value(found);
         return format!("is {found}, must be {}", wanted_kind(wanted, found.parse().unwrap_or(0.0)));
     }
-    if let Some((length, wanted)) =
-        message.strip_prefix("invalid length ").and_then(|rest| rest.split_once(", expected "))
-    {
+    if let Some((length, wanted)) = split("invalid length ") {
         let entries = if length == "1" { "entry" } else { "entries" };
         return format!("has {length} {entries}, must be {}", wanted_kind(wanted, 0.0));
     }
@@ -234,10 +231,6 @@ mod tests {
                 json("{\"springs\": {\"pairs\": [[0, 4294967296]]}}"),
                 "springs.pairs[0][1]: is 4294967296, must be a whole number below 2^32 at line 1 column 37",
             ),
-            (
-                json("{\"springs\": {\"pairs\": [[0, -1]]}}"),
-                "springs.pairs[0][1]: is -1, must be a whole number, not negative at line 1 column 29",
-            ),
             (toml("gravity = 1\n'gravity' = 2"), "given twice: gravity at line 2 column 1"),
             (toml("[time]\ndt = 1\n[time]\nduration = 1"), "given twice: time at line 3 column 2"),
             (
@@ -247,7 +240,10 @@ mod tests {
             (toml("gravity = 1979-05-27"), "gravity: is a date or a time, which no key takes at line 1 column 11"),
             (json("{"), "the text ends in a table at line 1 column 1"),
             (json("{\"springs\": {\"pairs\": [[0"), "springs.pairs[0]: the text ends in a list at line 1 column 25"),
-            (json("[]"), "is a list, must be a table at line 1 column 1"),
+            (
+                json("{\"particles\": {\"masses\": null}}"),
+                "particles.masses: is null, must be a number or a list of numbers at line 1 column 29",
+            ),
             (json("{\"particles\": {\"masses\": 1.5e3x"), "particles: expected `,` or `}` at line 1 column 31"),
         ] {
             assert_eq!(message, expected);
@@ -259,25 +255,5 @@ mod tests {
                 "{message}"
             );
         }
-    }
-
-    /// The parser without key tracking accepts what the one with it accepts.
-    #[test]
-    fn both_json_parsers_reject_the_same() {
-        for text in [
-            "",
-            "{",
-            "{}}",
-            "[]",
-            "null",
-            r#"{"springs": {"pairs": [[0, 1], [1, 2, 3]]}}"#,
-            r#"{"springs": {"pairs": [[0, 1], [1, -2]]}}"#,
-            r#"{"particles": {"positions": [[0, 1], [1, "2"]]}}"#,
-            r#"{"particles": {"masses": null}}"#,
-            r#"{"particles": {"mases": 1}}"#,
-        ] {
-            assert!(parse_json(text).is_err(), "{text}");
-        }
-        assert!(parse_json("\u{feff}{}").is_ok());
     }
 }

@@ -52,8 +52,8 @@ impl MeshGeometry {
     /// As [`load`](Self::load), from the bytes of a file; errors call it by `path`.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self> {
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-        let raw = read(bytes).map_err(|Fault(message)| Error::Format { file: path.into(), message })?;
-        raw.finish(path)
+        let mesh = read(bytes).and_then(|raw| raw.finish(path));
+        mesh.map_err(|Fault(message)| Error::Format { file: path.into(), message })
     }
 
     pub(super) fn of_lists(vertices: Vec<Vector3<f64>>, edges: Vec<[u32; 2]>) -> Self {
@@ -206,33 +206,31 @@ const SHORT: &str = "fewer than two vertices";
 struct Fault(String);
 
 struct Raw {
-    /// The unit of places, and the file's number of its first vertex.
-    unit: &'static str,
-    first: u32,
-    vertices: Vec<Vector3<f64>>,
+    /// The mesh without its edges.
+    mesh: MeshGeometry,
+    /// Edges, some of them more than once, with their places.
     edges: Vec<([u32; 2], u32)>,
-    triangles: Vec<[u32; 3]>,
     /// Faces and segments of lines left out: their number, and the place and the defect of the first.
     omitted: Option<(usize, u32, &'static str)>,
 }
 
 impl Raw {
+    /// Nothing yet, with the unit of places and the file's number of its first vertex.
     fn new(unit: &'static str, first: u32) -> Self {
-        let (vertices, edges, triangles) = (Vec::new(), Vec::new(), Vec::new());
-        Self { unit, first, vertices, edges, triangles, omitted: None }
+        Self { mesh: MeshGeometry { unit, first, ..MeshGeometry::default() }, edges: Vec::new(), omitted: None }
     }
 
     fn add_vertex(&mut self, x: [f64; 3], place: impl std::fmt::Display) -> Result<(), Fault> {
         if x.iter().any(|c| !c.is_finite()) {
             return Err(Fault(format!("{place}: the coordinates {x:?} must be finite")));
         }
-        self.vertices.push(x.into());
+        self.mesh.vertices.push(x.into());
         Ok(())
     }
 
     fn add_vertices(&mut self, coordinates: &[f64]) -> Result<(), Fault> {
         coordinates.as_chunks().0.iter().try_for_each(|&x| {
-            let number = self.vertices.len();
+            let number = self.mesh.vertices.len();
             self.add_vertex(x, format_args!("vertex {number}"))
         })
     }
@@ -260,7 +258,7 @@ impl Raw {
         self.add_line(corners, place);
         let [first, rest @ ..] = corners else { return };
         self.add_edge([*first, rest.last().copied().unwrap_or(*first)], place);
-        self.triangles.extend(rest.windows(2).map(|side| [*first, side[0], side[1]]));
+        self.mesh.triangles.extend(rest.windows(2).map(|side| [*first, side[0], side[1]]));
     }
 
     fn omit(&mut self, place: u32, defect: &'static str) {
@@ -288,23 +286,25 @@ impl Raw {
     }
 
     /// Checks the collected parts, and counts every edge once.
-    fn finish(self, path: &Path) -> Result<MeshGeometry> {
-        let Self { unit, first, vertices, edges, triangles, omitted } = self;
-        let reject = |message: String| Err(Error::Format { file: path.into(), message });
-        if vertices.is_empty() {
-            return reject("has no vertices".into());
+    fn finish(self, path: &Path) -> Result<MeshGeometry, Fault> {
+        let Self { mut mesh, edges, omitted } = self;
+        let (unit, count) = (mesh.unit, mesh.vertices.len());
+        if count == 0 {
+            return Err(Fault("has no vertices".into()));
         }
-        if let Some(([_, vertex], place)) = edges.iter().find(|([_, last], _)| *last as usize >= vertices.len()) {
-            let (number, last) = (u64::from(*vertex) + u64::from(first), vertices.len() as u64 + u64::from(first) - 1);
-            return reject(format!("{unit} {place}: names vertex {number}, and the last is {last}"));
+        if let Some(([_, vertex], place)) = edges.iter().find(|([_, last], _)| *last as usize >= count) {
+            let [number, last] = [*vertex as usize, count - 1].map(|vertex| mesh.number(vertex));
+            return Err(Fault(format!("{unit} {place}: names vertex {number}, and the last is {last}")));
         }
-        let omitted = omitted.map(|(count, place, defect)| {
+        if let Some((count, place, defect)) = omitted {
             let (parts, first) =
                 if count == 1 { ("face or segment", "") } else { ("faces or segments", "the first is ") };
-            format!("{}: {count} {parts} left out ({first}in {unit} {place}, which names {defect})", path.display())
-        });
-        let (edges, places) = unique(edges);
-        Ok(MeshGeometry { vertices, edges, triangles, notes: omitted.into_iter().collect(), places, unit, first })
+            let file = path.display();
+            let note = format!("{file}: {count} {parts} left out ({first}in {unit} {place}, which names {defect})");
+            mesh.notes.push(note);
+        }
+        (mesh.edges, mesh.places) = unique(edges);
+        Ok(mesh)
     }
 }
 

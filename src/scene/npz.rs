@@ -7,8 +7,7 @@
 use super::{Particles, Row, Scene, Springs, Values};
 use crate::error::{Error, Result};
 use crate::memory;
-use nalgebra::Vector3;
-use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
+use npyz::{DType, NpyFile, Order, TypeChar, TypeStr, WriterBuilder};
 use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -29,9 +28,6 @@ const ARRAYS: [&str; 7] = [
 ];
 
 /// Reads a scene from arrays, and its text with `parse`; errors call the file `name`.
-///
-/// # Errors
-/// [`Error::Format`] with the array's name, [`Error::TooLarge`].
 pub(super) fn read(file: impl Read + Seek, name: &Path, parse: fn(&str) -> Result<Scene, String>) -> Result<Scene> {
     let wrong = |message: String| Error::Format { file: name.into(), message };
     let mut zip = ZipArchive::new(file).map_err(|error| wrong(error.to_string()))?;
@@ -60,35 +56,19 @@ pub(super) fn read(file: impl Read + Seek, name: &Path, parse: fn(&str) -> Resul
 
 impl Scene {
     fn fill<R: Read>(&mut self, name: &str, array: Array<R>) -> Result<(), String> {
-        let absent = |is_absent: bool| match is_absent {
-            true => Ok(()),
-            false => Err(format!("is given twice, by an array and in the text of {TEXT}")),
-        };
-        let (particles, springs) = (&mut self.particles, &mut self.springs);
+        let Self { particles, springs, .. } = self;
         match name {
-            "particles.positions" => {
-                absent(particles.positions.is_empty())?;
-                particles.positions = array.rows()?;
+            "particles.positions" if particles.positions.is_empty() => particles.positions = array.rows()?,
+            "particles.velocities" if particles.velocities.is_none() => particles.velocities = Some(array.rows()?),
+            "springs.pairs" if springs.pairs.is_empty() => springs.pairs = array.pairs()?,
+            "particles.masses" if particles.masses.is_none() => particles.masses = Some(array.values()?),
+            "springs.stiffness" if springs.stiffness.is_none() => springs.stiffness = Some(array.values()?),
+            "springs.rest_lengths" if springs.rest_lengths.is_none() => springs.rest_lengths = Some(array.values()?),
+            "springs.damping" if springs.damping.is_none() => springs.damping = Some(array.values()?),
+            name if ARRAYS.contains(&name) => {
+                return Err(format!("is given twice, by an array and in the text of {TEXT}"));
             }
-            "particles.velocities" => {
-                absent(particles.velocities.is_none())?;
-                particles.velocities = Some(array.rows()?);
-            }
-            "springs.pairs" => {
-                absent(springs.pairs.is_empty())?;
-                springs.pairs = array.pairs()?;
-            }
-            _ => {
-                let values = match name {
-                    "particles.masses" => &mut particles.masses,
-                    "springs.stiffness" => &mut springs.stiffness,
-                    "springs.rest_lengths" => &mut springs.rest_lengths,
-                    "springs.damping" => &mut springs.damping,
-                    _ => return Err(format!("is no array of a scene; those are {}", ARRAYS.join(", "))),
-                };
-                absent(values.is_none())?;
-                *values = Some(array.values()?);
-            }
+            _ => return Err(format!("is no array of a scene; those are {}", ARRAYS.join(", "))),
         }
         Ok(())
     }
@@ -164,10 +144,7 @@ fn open<R: Read + Seek>(zip: &mut ZipArchive<R>, index: usize) -> Result<Array<i
     }
     let npy = NpyFile::new(io::Cursor::new(start).chain(BufReader::with_capacity(1 << 18, entry)));
     let array = Array(npy.map_err(|error| error.to_string())?);
-    let bytes = match array.0.dtype() {
-        DType::Plain(plain) => plain.num_bytes(),
-        _ => None,
-    };
+    let bytes = array.plain_type().and_then(|plain| plain.num_bytes());
     let count = array.0.shape().iter().try_fold(1_u64, |product, &length| product.checked_mul(length));
     match bytes.zip(count).and_then(|(bytes, count)| count.checked_mul(bytes as u64)) {
         Some(needed) if needed <= size => Ok(array),
@@ -177,11 +154,15 @@ fn open<R: Read + Seek>(zip: &mut ZipArchive<R>, index: usize) -> Result<Array<i
 }
 
 impl<R: Read> Array<R> {
-    fn kind(&self) -> Option<(TypeChar, u64)> {
+    fn plain_type(&self) -> Option<TypeStr> {
         match self.0.dtype() {
-            DType::Plain(plain) => Some((plain.type_char(), plain.size_field())),
+            DType::Plain(plain) => Some(plain),
             _ => None,
         }
+    }
+
+    fn kind(&self) -> Option<(TypeChar, u64)> {
+        self.plain_type().map(|plain| (plain.type_char(), plain.size_field()))
     }
 
     fn wrong_shape(&self, expected: &str) -> String {
@@ -224,10 +205,7 @@ impl<R: Read> Array<R> {
 
     fn rows(self) -> Result<Vec<Row>, String> {
         let (dimension, numbers) = self.table(1..=3, "1 to 3 numbers")?;
-        let row = |entries: &[f64]| {
-            Row::of(&Vector3::from_fn(|axis, _| entries.get(axis).copied().unwrap_or(0.0)), dimension)
-        };
-        Ok(numbers.chunks_exact(dimension).map(row).collect())
+        Ok(numbers.chunks_exact(dimension).map(Row::of_numbers).collect())
     }
 
     fn pairs(self) -> Result<Vec<[u32; 2]>, String> {
@@ -382,27 +360,21 @@ mod tests {
         assert!(!has(&written(&uneven), "particles.positions"));
     }
 
-    /// Whole numbers and others, of one byte to eight.
     #[test]
     fn masses_may_be_of_any_real_type() {
-        let masses = |put: &dyn Fn(&mut NpzWriter<&mut Vec<u8>>)| {
+        fn masses<T: npyz::AutoSerialize>(values: [T; 2]) -> Option<Values> {
             let mut bytes = Vec::new();
             let mut npz = NpzWriter::new(&mut bytes);
-            npz.put("particles.positions", &[2, 1], [0.0, 1.0].into_iter()).unwrap();
-            put(&mut npz);
+            npz.put("particles.masses", &[2], values.into_iter()).unwrap();
             npz.finish().unwrap();
             Scene::from_npz(Cursor::new(&bytes)).unwrap().particles.masses
-        };
-        macro_rules! of {
-            ($($type:ty)*) => {
-                $(assert_eq!(
-                    masses(&|npz| npz.put("particles.masses", &[2], [3 as $type, 7 as $type].into_iter()).unwrap()),
-                    Some(Values::Each(vec![3.0, 7.0])),
-                    stringify!($type)
-                );)*
-            };
         }
-        of!(f64 f32 i64 i32 i16 i8 u64 u32 u16 u8);
+        let floats = [masses([3.0, 7.0]), masses([3f32, 7.0])];
+        let signed = [masses([3i64, 7]), masses([3i32, 7]), masses([3i16, 7]), masses([3i8, 7])];
+        let unsigned = [masses([3u64, 7]), masses([3u32, 7]), masses([3u16, 7]), masses([3u8, 7])];
+        for found in floats.into_iter().chain(signed).chain(unsigned) {
+            assert_eq!(found, Some(Values::Each(vec![3.0, 7.0])));
+        }
     }
 
     /// A writer with room for so many bytes.

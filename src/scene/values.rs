@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
-use serde::de::{self, Deserialize, Deserializer, MapAccess, SeqAccess, Unexpected, Visitor};
+use serde::de::{self, Deserialize, Deserializer, IntoDeserializer, MapAccess, SeqAccess, Unexpected, Visitor};
 use serde::{Serialize, Serializer};
 use std::fmt;
 use std::marker::PhantomData;
@@ -17,10 +17,14 @@ pub struct Row {
 impl Row {
     /// The first `dimension` components of a vector, at least one and at most three.
     pub fn of(vector: &Vector3<f64>, dimension: usize) -> Self {
-        let dimension = dimension.clamp(1, 3);
+        Self::of_numbers(&vector.as_slice()[..dimension.clamp(1, 3)])
+    }
+
+    /// 1, 2 or 3 numbers.
+    pub(super) fn of_numbers(numbers: &[f64]) -> Self {
         let mut entries = [0.0; 3];
-        entries[..dimension].copy_from_slice(&vector.as_slice()[..dimension]);
-        Self { dimension: dimension as u8, entries }
+        entries[..numbers.len()].copy_from_slice(numbers);
+        Self { dimension: numbers.len() as u8, entries }
     }
 
     /// The numbers: 1, 2 or 3 of them.
@@ -42,9 +46,7 @@ impl Row {
 impl<const N: usize> From<[f64; N]> for Row {
     fn from(row: [f64; N]) -> Self {
         const { assert!(N >= 1 && N <= 3, "a row has 1, 2 or 3 numbers") };
-        let mut entries = [0.0; 3];
-        entries[..N].copy_from_slice(&row);
-        Self { dimension: N as u8, entries }
+        Self::of_numbers(&row)
     }
 }
 
@@ -161,34 +163,29 @@ impl From<Vec<f64>> for Values {
 
 impl<'de> Deserialize<'de> for Values {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let value = |found: &Unexpected<'_>| match *found {
-            Unexpected::Float(value) => Some(value),
-            Unexpected::Signed(value) => Some(value as f64),
-            Unexpected::Unsigned(value) => Some(value as f64),
-            _ => None,
-        };
-        deserializer.deserialize_any(PerItemVisitor { value, expected: "a number or a list of numbers" })
+        deserializer.deserialize_any(PerItemVisitor("a number or a list of numbers", PhantomData))
     }
 }
 
 impl<'de> Deserialize<'de> for Flags {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let value = |found: &Unexpected<'_>| match *found {
-            Unexpected::Bool(flag) => Some(flag),
-            _ => None,
-        };
-        deserializer.deserialize_any(PerItemVisitor { value, expected: "true, false or a list of them" })
+        deserializer.deserialize_any(PerItemVisitor("true, false or a list of them", PhantomData))
     }
 }
 
-struct PerItemVisitor<T> {
-    value: fn(&Unexpected<'_>) -> Option<T>,
-    expected: &'static str,
-}
+struct PerItemVisitor<T>(&'static str, PhantomData<T>);
 
 impl<T> PerItemVisitor<T> {
-    fn uniform<E: de::Error>(&self, found: Unexpected<'_>) -> Result<PerItem<T>, E> {
-        (self.value)(&found).map(PerItem::Uniform).ok_or_else(|| E::invalid_type(found, &self.expected))
+    fn uniform<'de, E: de::Error>(
+        self,
+        value: impl IntoDeserializer<'de, E>,
+        found: Unexpected<'_>,
+    ) -> Result<PerItem<T>, E>
+    where
+        T: Deserialize<'de>,
+    {
+        let value = T::deserialize(value.into_deserializer());
+        value.map(PerItem::Uniform).map_err(|_| E::invalid_type(found, &self.0))
     }
 }
 
@@ -196,23 +193,23 @@ impl<'de, T: Deserialize<'de>> Visitor<'de> for PerItemVisitor<T> {
     type Value = PerItem<T>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.expected)
+        f.write_str(self.0)
     }
 
     fn visit_bool<E: de::Error>(self, value: bool) -> Result<PerItem<T>, E> {
-        self.uniform(Unexpected::Bool(value))
+        self.uniform(value, Unexpected::Bool(value))
     }
 
     fn visit_f64<E: de::Error>(self, value: f64) -> Result<PerItem<T>, E> {
-        self.uniform(Unexpected::Float(value))
+        self.uniform(value, Unexpected::Float(value))
     }
 
     fn visit_i64<E: de::Error>(self, value: i64) -> Result<PerItem<T>, E> {
-        self.uniform(Unexpected::Signed(value))
+        self.uniform(value, Unexpected::Signed(value))
     }
 
     fn visit_u64<E: de::Error>(self, value: u64) -> Result<PerItem<T>, E> {
-        self.uniform(Unexpected::Unsigned(value))
+        self.uniform(value, Unexpected::Unsigned(value))
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<PerItem<T>, A::Error> {

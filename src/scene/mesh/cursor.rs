@@ -19,7 +19,6 @@ enum Class {
     Float,
 }
 
-/// The byte order of binary numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Order {
     Little,
@@ -50,7 +49,6 @@ impl Kind {
         })
     }
 
-    /// Its size in bytes.
     pub fn size(self) -> usize {
         self.1
     }
@@ -81,11 +79,6 @@ pub fn whole(number: f64) -> Option<u32> {
     (number.fract() == 0.0 && (0.0..f64::from(u32::MAX)).contains(&number)).then_some(number as u32)
 }
 
-/// The message for a number that is neither a count nor an index.
-pub fn no_count(number: f64) -> String {
-    format!("{number} is no count or index: a whole number from 0 to {} is wanted", u32::MAX - 1)
-}
-
 impl<'a> Cursor<'a> {
     pub fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, at: 0, line: 1 }
@@ -96,12 +89,10 @@ impl<'a> Cursor<'a> {
         self.line
     }
 
-    /// The remaining bytes.
     pub fn rest(&self) -> &'a [u8] {
         self.bytes.get(self.at..).unwrap_or_default()
     }
 
-    /// An error at this line.
     pub fn fault(&self, message: impl std::fmt::Display) -> Fault {
         Fault(format!("line {}: {message}", self.line))
     }
@@ -125,19 +116,22 @@ impl<'a> Cursor<'a> {
         text(&rest[..length])
     }
 
-    /// The next word as a number.
     pub fn number(&mut self) -> Result<f64, Fault> {
         let word = self.word().ok_or_else(|| self.fault("ends where a number is missing"))?;
         word.parse().map_err(|_| self.fault(format_args!("{word:?} is no number")))
     }
 
-    /// The next word as a count or index.
     pub fn whole(&mut self) -> Result<u32, Fault> {
         let number = self.number()?;
-        whole(number).ok_or_else(|| self.fault(no_count(number)))
+        self.as_whole(number)
     }
 
-    /// The next bytes.
+    /// A number that was just read, as a count or index.
+    pub fn as_whole(&self, number: f64) -> Result<u32, Fault> {
+        let rule = format_args!("a whole number from 0 to {} is wanted", u32::MAX - 1);
+        whole(number).ok_or_else(|| self.fault(format_args!("{number} is no count or index: {rule}")))
+    }
+
     pub fn take(&mut self, count: usize) -> Result<&'a [u8], Fault> {
         let bytes = self.rest().get(..count).ok_or_else(|| self.fault("binary data end too early"))?;
         self.at += count;

@@ -1,9 +1,13 @@
 //! Gmsh MSH files, versions 2, 4.0 and 4.1, as text and, but for 4.0, binary.
 
-use super::cursor::{Cursor, Kind, Order, no_count, whole};
+use super::cursor::{Cursor, Kind, Order};
 use super::vtk::add_cell;
 use super::{Fault, Raw};
 use std::collections::HashMap;
+
+/// Types of elements in Gmsh and in VTK, and their number of corners, which have the same order in both.
+const TYPES: [(u32, u32, usize); 8] =
+    [(15, 1, 1), (1, 3, 2), (2, 5, 3), (3, 9, 4), (4, 10, 4), (5, 12, 8), (6, 13, 6), (7, 14, 5)];
 
 struct Reader<'a> {
     cursor: Cursor<'a>,
@@ -94,7 +98,7 @@ impl Reader<'_> {
 
     fn int_count(&mut self) -> Result<u32, Fault> {
         let number = self.int()?;
-        whole(number).ok_or_else(|| self.cursor.fault(no_count(number)))
+        self.cursor.as_whole(number)
     }
 
     /// The number at the start of a section: of nodes or elements in version 2, of blocks in version 4, whose other numbers are skipped.
@@ -142,7 +146,7 @@ impl Reader<'_> {
             for x in &mut x {
                 *x = self.cursor.next(Kind::F64, self.order)?;
             }
-            if self.nodes.insert(tag, self.raw.vertices.len() as u32).is_some() {
+            if self.nodes.insert(tag, self.raw.mesh.vertices.len() as u32).is_some() {
                 return Err(self.cursor.fault(format_args!("node {tag} is there twice")));
             }
             self.raw.add_vertex(x, format_args!("node {tag}"))?;
@@ -180,20 +184,9 @@ impl Reader<'_> {
     }
 
     fn element(&mut self, element: u64, kind: u32) -> Result<(), Fault> {
-        // The VTK type, whose corners are in the same order.
-        let (vtk_type, count) = match kind {
-            15 => (1, 1),
-            1 => (3, 2),
-            2 => (5, 3),
-            3 => (9, 4),
-            4 => (10, 4),
-            5 => (12, 8),
-            6 => (13, 6),
-            7 => (14, 5),
-            _ => {
-                let rule = "only elements with straight edges are read";
-                return Err(Fault(format!("element {element} is of type {kind}: {rule}")));
-            }
+        let Some(&(_, vtk_type, count)) = TYPES.iter().find(|(known, ..)| *known == kind) else {
+            let rule = "only elements with straight edges are read";
+            return Err(Fault(format!("element {element} is of type {kind}: {rule}")));
         };
         let mut corners = [0; 8];
         for corner in &mut corners[..count] {

@@ -29,7 +29,7 @@ pub fn read_obj(bytes: &[u8]) -> Result<Raw, Fault> {
     if let Some(place) = begun {
         add_statement(&mut raw, &statement, place)?;
     }
-    if raw.vertices.is_empty() {
+    if raw.mesh.vertices.is_empty() {
         return Err(no_mesh(bytes));
     }
     Ok(raw)
@@ -54,7 +54,7 @@ fn add_statement(raw: &mut Raw, line: &str, place: u32) -> Result<(), Fault> {
             raw.add_vertex([x, y, z], format_args!("line {place}"))?;
         }
         Some(kind @ ("f" | "l")) => {
-            let count = raw.vertices.len();
+            let count = raw.mesh.vertices.len();
             let corners = words.map(|word| vertex(word, count).map_err(fault)).collect::<Result<Vec<_>, _>>()?;
             if kind == "f" { raw.add_face(&corners, place) } else { raw.add_line(&corners, place) }
         }
@@ -186,7 +186,6 @@ fn facets_and_length(bytes: &[u8]) -> Option<(f64, f64)> {
     Some((facets, 84.0 + 50.0 * facets))
 }
 
-/// Whether the file is as long as a binary STL file with its number of facets.
 pub fn is_binary_stl(bytes: &[u8]) -> bool {
     facets_and_length(bytes).is_some_and(|(facets, length)| facets > 0.0 && bytes.len() as f64 == length)
 }
@@ -220,9 +219,9 @@ impl Corners {
 
     fn add(&mut self, x: [f64; 3], place: u32) -> Result<(), Fault> {
         let Self { raw, known, face } = self;
-        let number = *known.entry(place_key(x)).or_insert(raw.vertices.len() as u32);
-        if number as usize == raw.vertices.len() {
-            let unit = raw.unit;
+        let number = *known.entry(place_key(x)).or_insert(raw.mesh.vertices.len() as u32);
+        if number as usize == raw.mesh.vertices.len() {
+            let unit = raw.mesh.unit;
             raw.add_vertex(x, format_args!("{unit} {place}"))?;
         }
         face.push(number);

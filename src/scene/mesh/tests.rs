@@ -30,8 +30,12 @@ fn words() -> String {
     SQUARE.as_flattened().iter().map(|c| format!("{c} ")).collect()
 }
 
+fn bytes<T: Copy, const N: usize>(numbers: &[T], order: fn(T) -> [u8; N]) -> Vec<u8> {
+    numbers.iter().flat_map(|&number| order(number)).collect()
+}
+
 fn doubles(order: fn(f64) -> [u8; 8]) -> Vec<u8> {
-    SQUARE.as_flattened().iter().flat_map(|&c| order(c)).collect()
+    bytes(SQUARE.as_flattened(), order)
 }
 
 #[test]
@@ -112,8 +116,7 @@ fn ply_is_read_as_text_and_binary() {
     };
     assert_square(format!("{}{}\n255 4 0 1 2 3\n", header("ascii"), words()));
     let binary = |format: &str, double: fn(f64) -> [u8; 8], int: fn(i32) -> [u8; 4]| {
-        let corners: Vec<u8> = [255, 4].into_iter().chain((0..4).flat_map(int)).collect();
-        [header(format).as_bytes(), &doubles(double), &corners].concat()
+        [header(format).as_bytes(), &doubles(double), &[255, 4], &bytes(&[0, 1, 2, 3], int)].concat()
     };
     let little = binary("binary_little_endian", f64::to_le_bytes, i32::to_le_bytes);
     assert_square(&little);
@@ -135,9 +138,8 @@ fn facets_of_stl_share_corners() {
     };
     let text = format!("solid two words\n{}endsolid two words\n", facets.map(facet).concat());
     let numbers = |facet: &[[f64; 3]; 3]| -> Vec<u8> {
-        let normal = [0.0f32, 0.0, 1.0].into_iter();
-        let all = normal.chain(facet.as_flattened().iter().map(|&c| c as f32));
-        all.flat_map(f32::to_le_bytes).chain([0, 0]).collect()
+        let all: Vec<f64> = [&[0.0, 0.0, 1.0], facet.as_flattened()].concat();
+        [bytes(&all, |c| (c as f32).to_le_bytes()), vec![0, 0]].concat()
     };
     // Many binary files begin as those of text do.
     let mut binary = b"solid".to_vec();
@@ -179,9 +181,8 @@ fn legacy_vtk_is_read_in_all_versions() {
         "{five}{}\nCELLS 2 4\nOFFSETS vtktypeint64\n0 4\nCONNECTIVITY vtktypeint64\n0 1 2 3\nCELL_TYPES 1\n9",
         words()
     ));
-    let ints = |numbers: &[i32]| -> Vec<u8> { numbers.iter().flat_map(|n| n.to_be_bytes()).collect() };
     let (beginning, places) = (start("3.0", "BINARY", "UNSTRUCTURED_GRID"), doubles(f64::to_be_bytes));
-    let (cell, kind) = (ints(&[4, 0, 1, 2, 3]), ints(&[9]));
+    let (cell, kind) = (bytes(&[4, 0, 1, 2, 3], i32::to_be_bytes), bytes(&[9], i32::to_be_bytes));
     let binary =
         [beginning.as_bytes(), &places, b"\nMETADATA\nINFORMATION 0\n\nCELLS 1 5\n", &cell, b"\nCELL_TYPES 1\n", &kind];
     assert_square(binary.concat());
@@ -206,18 +207,17 @@ fn xml_of_vtk_is_read_however_it_is_encoded() {
     let text = |numbers: &str| format!("format=\"ascii\">{numbers}");
     let arrays = [&*text(&words()), &*text("0 1 2 3"), &*text("4"), &*text("9")];
     assert_square(file("", arrays, ""));
-    let longs = |numbers: &[i64]| -> Vec<u8> { numbers.iter().flat_map(|n| n.to_le_bytes()).collect() };
-    let data = [doubles(f64::to_le_bytes), longs(&[0, 1, 2, 3]), longs(&[4]), vec![9]];
+    let corners = bytes(&[0, 1, 2, 3], i64::to_le_bytes);
+    let data = [doubles(f64::to_le_bytes), corners, bytes(&[4], i64::to_le_bytes), vec![9]];
     let plain = |bytes: &[u8]| [&(bytes.len() as u32).to_le_bytes(), bytes].concat();
     let encoded = data.clone().map(|bytes| format!("format=\"binary\">{}", BASE64_STANDARD.encode(plain(&bytes))));
     assert_square(file("", encoded.each_ref().map(String::as_str), ""));
     // One block each, the lengths of blocks in base64 of their own.
-    let packed = data.clone().map(|bytes| {
+    let packed = data.clone().map(|array| {
         let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
-        encoder.write_all(&bytes).unwrap();
+        encoder.write_all(&array).unwrap();
         let packed = encoder.finish().unwrap();
-        let header: Vec<u8> =
-            [1, bytes.len(), 0, packed.len()].iter().flat_map(|&n| (n as u64).to_le_bytes()).collect();
+        let header = bytes(&[1, array.len() as u64, 0, packed.len() as u64], u64::to_le_bytes);
         format!("format=\"binary\">\n  {}{}\n", BASE64_STANDARD.encode(header), BASE64_STANDARD.encode(packed))
     });
     let attributes = " header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\"";
@@ -264,12 +264,12 @@ fn gmsh_is_read_in_versions_two_and_four() {
         "$MeshFormat\n4 0 8\n$EndMeshFormat\n$Nodes\n1 4\n1 2 0 4\n{}$EndNodes\n$Elements\n1 1\n1 2 3 1\n1 1 2 3 4\n$EndElements\n",
         nodes([1, 2, 3, 4])
     ));
-    let ints = |numbers: &[i32]| -> Vec<u8> { numbers.iter().flat_map(|n| n.to_le_bytes()).collect() };
-    let sizes = |numbers: &[u64]| -> Vec<u8> { numbers.iter().flat_map(|n| n.to_le_bytes()).collect() };
+    let ints = |numbers: &[i32]| bytes(numbers, i32::to_le_bytes);
+    let sizes = |numbers: &[u64]| bytes(numbers, u64::to_le_bytes);
     let format = |version: &str| {
         [b"$MeshFormat\n", version.as_bytes(), b" 1 8\n", &ints(&[1]), b"\n$EndMeshFormat\n$Nodes\n"].concat()
     };
-    let node = |(tag, x): (i32, &[f64; 3])| [ints(&[tag]), x.iter().flat_map(|c| c.to_le_bytes()).collect()].concat();
+    let node = |(tag, x): (i32, &[f64; 3])| [ints(&[tag]), bytes(x, f64::to_le_bytes)].concat();
     let of_two: Vec<u8> = (1..).zip(&SQUARE).flat_map(node).collect();
     let elements = ints(&[3, 1, 2, 1, 0, 0, 1, 2, 3, 4]);
     assert_square(

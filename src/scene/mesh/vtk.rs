@@ -17,12 +17,10 @@ impl Cells {
         (0..).zip(cells.map(Option::unwrap_or_default))
     }
 
-    /// Adds all to a mesh with the same function.
     pub fn add(&self, raw: &mut Raw, add: fn(&mut Raw, &[u32], u32)) {
         self.each().for_each(|(number, corners)| add(raw, corners, number));
     }
 
-    /// Adds all to a mesh, by their types.
     pub fn add_typed(&self, raw: &mut Raw, types: &[f64]) -> Result<(), Fault> {
         if types.len() != self.ends.len() {
             let [cells, types] = [(self.ends.len(), "cell"), (types.len(), "type")]
@@ -42,7 +40,6 @@ const HEXAHEDRON: &[[usize; 2]] =
 const WEDGE: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]];
 const PYRAMID: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 3], [3, 0], [0, 4], [1, 4], [2, 4], [3, 4]];
 
-/// Adds a cell by its VTK type.
 pub fn add_cell(raw: &mut Raw, kind: u32, corners: &[u32], number: u32) -> Result<(), Fault> {
     let count = match kind {
         5 => 3,
@@ -72,7 +69,6 @@ pub fn add_cell(raw: &mut Raw, kind: u32, corners: &[u32], number: u32) -> Resul
     Ok(())
 }
 
-/// Numbers as indices of vertices.
 pub fn indices(numbers: &[f64]) -> Result<Vec<u32>, Fault> {
     let index = |&number: &f64| whole(number).ok_or_else(|| Fault(format!("{number} is the number of no vertex")));
     numbers.iter().map(index).collect()

@@ -18,30 +18,29 @@ struct Storage<'a> {
     is_raw: bool,
 }
 
-struct Array {
+struct Array<'a> {
     parent: String,
-    name: String,
-    kind: Option<Kind>,
-    format: String,
-    offset: usize,
+    element: BytesStart<'a>,
     text: String,
 }
 
-/// The attributes of a piece that count its points and cells.
-const PIECE_COUNTS: [&str; 5] = ["NumberOfPoints", "NumberOfCells", "NumberOfLines", "NumberOfPolys", "NumberOfStrips"];
-
-#[derive(Default)]
-struct Piece {
-    /// The [`PIECE_COUNTS`] that are given.
-    counts: [Option<String>; 5],
-    arrays: Vec<Array>,
+impl Array<'_> {
+    fn attribute(&self, name: &str) -> String {
+        attribute(&self.element, name).unwrap_or_default()
+    }
 }
 
-impl Piece {
-    /// Rejects a count other than that of its arrays.
-    fn check_count(&self, counted: usize, found: usize) -> Result<(), Fault> {
-        match (PIECE_COUNTS.get(counted), self.counts.get(counted)) {
-            (Some(name), Some(Some(given))) if given.trim().parse() != Ok(found) => {
+#[derive(Default)]
+struct Piece<'a> {
+    element: Option<BytesStart<'a>>,
+    arrays: Vec<Array<'a>>,
+}
+
+impl Piece<'_> {
+    /// Rejects a number of points or cells other than that of the arrays.
+    fn check_count(&self, name: &str, found: usize) -> Result<(), Fault> {
+        match self.element.as_ref().and_then(|element| attribute(element, name)) {
+            Some(given) if given.trim().parse() != Ok(found) => {
                 Err(Fault(format!("{name} is {given}, and its arrays have {found}")))
             }
             _ => Ok(()),
@@ -76,8 +75,11 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
                         is_vtk = true;
                         storage.begin(&element)?;
                     }
-                    "Piece" => piece.counts = PIECE_COUNTS.map(|name| attribute(&element, name)),
-                    "DataArray" => piece.arrays.push(array(&element, parents.last())),
+                    "Piece" => piece.element = Some(element),
+                    "DataArray" => {
+                        let parent = parents.last().cloned().unwrap_or_default();
+                        piece.arrays.push(Array { parent, element, text: String::new() });
+                    }
                     _ => {}
                 }
                 parents.push(name);
@@ -112,30 +114,19 @@ fn attribute(element: &BytesStart, name: &str) -> Option<String> {
     Some(String::from_utf8_lossy(&attribute.value).into_owned())
 }
 
-fn array(element: &BytesStart, parent: Option<&String>) -> Array {
-    let text = |name| attribute(element, name).unwrap_or_default();
-    Array {
-        parent: parent.cloned().unwrap_or_default(),
-        name: text("Name"),
-        kind: Kind::named(&text("type")),
-        format: text("format"),
-        offset: text("offset").parse().unwrap_or(0),
-        text: String::new(),
-    }
-}
-
 fn add_piece(raw: &mut Raw, storage: &Storage, piece: &Piece) -> Result<(), Fault> {
     // The vertices of a piece are numbered from zero.
-    let before = raw.vertices.len() as u32;
+    let before = raw.mesh.vertices.len() as u32;
     let numbers = |parent: &str, name: &str| {
-        let array = piece.arrays.iter().find(|array| array.parent == parent && (name.is_empty() || array.name == name));
+        let has_name = |array: &&Array| name.is_empty() || array.attribute("Name") == name;
+        let array = piece.arrays.iter().filter(|array| array.parent == parent).find(has_name);
         array.map(|array| storage.numbers(array)).transpose()
     };
     if let Some(points) = numbers("Points", "")? {
-        piece.check_count(0, points.len() / 3)?;
+        piece.check_count("NumberOfPoints", points.len() / 3)?;
         raw.add_vertices(&points)?;
     }
-    let cells = |parent: &str, counted: usize| -> Result<Option<Cells>, Fault> {
+    let cells = |parent: &str, counted: &str| -> Result<Option<Cells>, Fault> {
         let (Some(corners), Some(ends)) = (numbers(parent, "connectivity")?, numbers(parent, "offsets")?) else {
             return Ok(None);
         };
@@ -143,12 +134,12 @@ fn add_piece(raw: &mut Raw, storage: &Storage, piece: &Piece) -> Result<(), Faul
         piece.check_count(counted, ends.len())?;
         Ok(Some(Cells { corners, ends: indices(&ends)? }))
     };
-    if let (Some(cells), Some(types)) = (cells("Cells", 1)?, numbers("Cells", "types")?) {
+    if let (Some(cells), Some(types)) = (cells("Cells", "NumberOfCells")?, numbers("Cells", "types")?) {
         cells.add_typed(raw, &types)?;
     }
-    cells("Lines", 2)?.unwrap_or_default().add(raw, Raw::add_line);
-    cells("Polys", 3)?.unwrap_or_default().add(raw, Raw::add_face);
-    cells("Strips", 4)?.unwrap_or_default().add(raw, Raw::add_strip);
+    cells("Lines", "NumberOfLines")?.unwrap_or_default().add(raw, Raw::add_line);
+    cells("Polys", "NumberOfPolys")?.unwrap_or_default().add(raw, Raw::add_face);
+    cells("Strips", "NumberOfStrips")?.unwrap_or_default().add(raw, Raw::add_strip);
     Ok(())
 }
 
@@ -171,17 +162,17 @@ impl Storage<'_> {
     }
 
     fn numbers(&self, array: &Array) -> Result<Vec<f64>, Fault> {
-        let wrong = |what: &str| Fault(format!("the array {:?} of {} {what}", array.name, array.parent));
-        let kind = array.kind.ok_or_else(|| wrong("has no type of numbers"))?;
-        let bytes = match array.format.as_str() {
+        let wrong = |what: &str| Fault(format!("the array {:?} of {} {what}", array.attribute("Name"), array.parent));
+        let kind = Kind::named(&array.attribute("type")).ok_or_else(|| wrong("has no type of numbers"))?;
+        let bytes = match array.attribute("format").as_str() {
             "ascii" => {
                 let number = |word: &str| word.parse().map_err(|_| wrong("has a word that is no number"));
                 return array.text.split_whitespace().map(number).collect();
             }
             "binary" => decoded(array.text.as_bytes()),
             "appended" => {
-                let appended =
-                    self.appended.get(array.offset..).ok_or_else(|| wrong("begins behind the file's end"))?;
+                let offset: usize = array.attribute("offset").parse().unwrap_or(0);
+                let appended = self.appended.get(offset..).ok_or_else(|| wrong("begins behind the file's end"))?;
                 if self.is_raw { Some(appended.to_vec()) } else { decoded(appended) }
             }
             _ => None,
@@ -216,16 +207,11 @@ impl Storage<'_> {
 fn decoded(text: &[u8]) -> Option<Vec<u8>> {
     let is_base64 = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'/' | b'=');
     let spaced = text.iter().copied().filter(|byte| !byte.is_ascii_whitespace());
-    let text: Vec<u8> = spaced.take_while(is_base64).collect();
+    let mut text: Vec<u8> = spaced.take_while(is_base64).collect();
+    text.truncate(text.len() / 4 * 4);
     let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
-    let mut start = 0;
-    let mut groups = text.chunks_exact(4).enumerate().peekable();
-    while let Some((number, group)) = groups.next() {
-        let end = 4 * (number + 1);
-        if group.contains(&b'=') || groups.peek().is_none() {
-            BASE64_STANDARD.decode_vec(text.get(start..end)?, &mut bytes).ok()?;
-            start = end;
-        }
+    for piece in text.chunk_by(|&before, &after| before != b'=' || after == b'=') {
+        BASE64_STANDARD.decode_vec(piece, &mut bytes).ok()?;
     }
     Some(bytes)
 }
