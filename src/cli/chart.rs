@@ -72,7 +72,7 @@ impl Chart {
             return definiteness::execute(&scene, dt, budget, &self.process.threads, &folder, console);
         }
         let duration = scene.motion_length(self.duration, "a chart")?;
-        scene.check_schedule(dt, duration)?;
+        scene.schedule(dt, duration)?;
         end_in_order();
         let claimed = claim(&folder, &FILES, false)?;
         claimed.check_inside("chart")?;

@@ -94,24 +94,18 @@ impl LoadedScene {
 
     /// Steps of dt seconds to the end of a run; an error where they cannot be counted, or vanish in the rounding of the initial time.
     pub fn schedule(&self, dt: f64, duration: f64) -> Result<Schedule> {
-        self.check_schedule(dt, duration)?;
-        let (time, resolution) = (self.state.time, f64::EPSILON * self.state.time.abs());
-        // Times may be rounded by a ten-thousandth of a step.
-        if let Some(file) = self.at.as_ref().filter(|_| resolution > 1e-4 * dt) {
-            let rule = format!(
-                "is too late for steps of {} s: numbers of this size are {resolution:.0e} s apart",
-                compact(dt)
-            );
-            return Err(Error::from(Invalid::new("time", time, rule)).in_file(file));
-        }
-        Ok(Schedule::duration(dt, duration))
-    }
-
-    pub fn check_schedule(&self, dt: f64, duration: f64) -> Result<()> {
         Schedule::check(dt, duration).map_err(|invalid| match invalid.key.as_str() {
             "dt" => self.blame((self.time.dt, dt), invalid),
             _ => self.blame((self.time.duration, duration), invalid),
-        })
+        })?;
+        let (time, resolution) = (self.state.time, f64::EPSILON * self.state.time.abs());
+        // Times may be rounded by a ten-thousandth of a step.
+        if let Some(file) = self.at.as_ref().filter(|_| resolution > 1e-4 * dt) {
+            let dt = compact(dt);
+            let rule = format!("is too late for steps of {dt} s: numbers of this size are {resolution:.0e} s apart");
+            return Err(Error::from(Invalid::new("time", time, rule)).in_file(file));
+        }
+        Ok(Schedule::duration(dt, duration))
     }
 
     /// The interval of the records of a motion where no step is given.
@@ -152,16 +146,16 @@ impl Process {
     /// Computes something of a scene in the background; an interruption ends the command.
     pub fn compute<T: Send + 'static>(
         &self,
-        scene: LoadedScene,
-        compute: impl FnOnce(LoadedScene) -> Result<T, Stop> + Send + 'static,
-    ) -> Result<T, Stop> {
-        let file = scene.file.clone();
-        let computed = self.threads.attend(move |_: &mut dyn FnMut(())| compute(scene), |()| {})?;
-        computed.ok_or_else(|| Stop::Computation("interrupted: nothing was written".into()))?.map_err(|stop| match stop
-        {
-            Stop::Unusable(error) => error.in_file(&file).into(),
-            other => other,
-        })
+        mut scene: LoadedScene,
+        compute: impl FnOnce(&mut LoadedScene) -> Result<T, Stop> + Send + 'static,
+    ) -> Result<(LoadedScene, T), Stop> {
+        let compute = move |_: &mut dyn FnMut(())| match compute(&mut scene) {
+            Ok(computed) => Ok((scene, computed)),
+            Err(Stop::Unusable(error)) => Err(error.in_file(&scene.file).into()),
+            Err(other) => Err(other),
+        };
+        let computed = self.threads.attend(compute, |()| {})?;
+        computed.unwrap_or_else(|| Err(Stop::Computation("interrupted: nothing was written".into())))
     }
 }
 

@@ -57,11 +57,11 @@ impl EquilibriumCommand {
         let folder = self.process.folder(&scene);
         let steps = self.load_path;
         let options = EquilibriumOptions { stiffness: self.stiffness, ..EquilibriumOptions::default() };
-        let (scene, found, path) = self.process.compute(scene, move |scene| {
-            let LoadedScene { system, state, .. } = &scene;
+        let (scene, (found, path)) = self.process.compute(scene, move |scene| {
+            let LoadedScene { system, state, .. } = scene;
             let found = equilibrium(system, state, options)?;
             let path = steps.map(|steps| load_path(system, state, steps.get())).transpose()?;
-            Ok((scene, found, path))
+            Ok((found, path))
         })?;
         let claimed = claim(&folder, &FILES, false)?;
         let (path, dimension) = (path.as_ref(), scene.system.dimension());

@@ -4,13 +4,12 @@ use super::Stop;
 use super::common::{At, LoadedScene, Process, SceneFile, advance, choice, claim, positive, whole};
 use super::console::{Console, PARTS, number};
 use super::threads::{end_in_order, is_interrupted};
-use faer::Par;
 use sprung::inspect::{AFFORDABLE, FirstLosses, Follower, Inspection, Part, Pictures};
 use sprung::integrate::RunFailure;
 use sprung::output::{AtomicFile, OutputFolder};
 use sprung::plan::parallelism;
 use sprung::report::inspection::{InspectionReport, first_answer};
-use sprung::{Result, Stiffness};
+use sprung::{Error, Result, Stiffness};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
@@ -73,17 +72,15 @@ impl Inspect {
         let mut scene = self.at.place(self.scene.load(console)?)?;
         let dt = scene.step_or_default(console, self.dt);
         let folder = self.process.folder(&scene);
-        let file = scene.file.clone();
-        let in_file = |error: sprung::Error| error.in_file(&file);
-        let par = parallelism(&scene.system);
         if self.steps > 0 {
             end_in_order();
         }
-        let followed = self.process.threads.install(|| Ok(self.follow(console, &mut scene, dt)))?.map_err(in_file)?;
-        let Followed { steps, losses, failure } = followed;
+        let followed = self.process.threads.install(|| Ok(self.follow(console, &mut scene, dt)))?;
         let scene = Arc::new(scene);
-        let (inspection, pictures) = self.inspect(console, &scene, dt, par)?.map_err(in_file)?;
-        let LoadedScene { name, system, state, .. } = &*scene;
+        let LoadedScene { file, name, system, state, .. } = &*scene;
+        let in_file = |error: Error| error.in_file(file);
+        let Followed { steps, losses, failure } = followed.map_err(in_file)?;
+        let (inspection, pictures) = self.inspect(console, &scene, dt)?.map_err(in_file)?;
         let Some(inspection) = inspection else {
             return Err(Stop::Computation("interrupted before anything was known of A".into()));
         };
@@ -116,19 +113,14 @@ impl Inspect {
     }
 
     /// Inspects the state and draws it; after an interruption, returns what is known by then.
-    fn inspect(
-        &self,
-        console: &Console,
-        scene: &Arc<LoadedScene>,
-        dt: f64,
-        par: Par,
-    ) -> Result<Result<Inspected>, Stop> {
+    fn inspect(&self, console: &Console, scene: &Arc<LoadedScene>, dt: f64) -> Result<Result<Inspected>, Stop> {
         let bar = console.bar(PARTS, "{wide_bar} {msg}, {eta}").with_message("inspecting");
         let (option, all, inspected) = (self.stiffness, self.all, scene.clone());
         let (mut known, mut is_answered) = (None, false);
         let inspected = self.process.threads.attend(
             move |tell| {
                 let LoadedScene { system, state, .. } = &*inspected;
+                let par = parallelism(system);
                 let most = if all { f64::INFINITY } else { AFFORDABLE };
                 let mut observer = |progress: f64, found: &Inspection| tell((progress, found.clone()));
                 let inspection = Inspection::within(system, state, dt, option, par, most, &mut observer)?;

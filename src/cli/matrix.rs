@@ -77,34 +77,7 @@ impl Matrix {
             return Err(Stop::Computation("interrupted: not every matrix was written".into()));
         }
         written.map_err(Stop::Broken)?;
-        self.report(console, &scene, &matrices, dt, &folder)
-    }
-
-    fn advance(&self, console: &Console, scene: &mut LoadedScene, dt: f64) -> Result<(), Stop> {
-        if self.steps == 0 {
-            return Ok(());
-        }
-        let LoadedScene { file, system, state, .. } = scene;
-        let outcome =
-            advance(console, (system, state), (dt, self.steps), "on the way", |_, _| ControlFlow::Continue(()));
-        match outcome.map_err(|error| error.in_file(file))? {
-            Outcome { end: Ok(ControlFlow::Continue(())), .. } => Ok(()),
-            Outcome { end: Ok(ControlFlow::Break(())), steps } => {
-                Err(Stop::Computation(format!("interrupted after step {steps}: no matrix was written")))
-            }
-            Outcome { end: Err(failure), .. } => Err(failure.into()),
-        }
-    }
-
-    fn report(
-        &self,
-        console: &Console,
-        scene: &LoadedScene,
-        matrices: &StepMatrices,
-        dt: f64,
-        folder: &Path,
-    ) -> Result<(), Stop> {
-        let LoadedScene { name, system, state, .. } = scene;
+        let LoadedScene { name, system, state, .. } = &scene;
         let [a, g, k] = [&matrices.a, &matrices.g, &matrices.k].map(|matrix| nonzeros(matrix).count());
         let report = json!({
             "scene": name,
@@ -126,6 +99,22 @@ impl Matrix {
             folder.display(),
         );
         console.result(&report, text)
+    }
+
+    fn advance(&self, console: &Console, scene: &mut LoadedScene, dt: f64) -> Result<(), Stop> {
+        if self.steps == 0 {
+            return Ok(());
+        }
+        let LoadedScene { file, system, state, .. } = scene;
+        let outcome =
+            advance(console, (system, state), (dt, self.steps), "on the way", |_, _| ControlFlow::Continue(()));
+        match outcome.map_err(|error| error.in_file(file))? {
+            Outcome { end: Ok(ControlFlow::Continue(())), .. } => Ok(()),
+            Outcome { end: Ok(ControlFlow::Break(())), steps } => {
+                Err(Stop::Computation(format!("interrupted after step {steps}: no matrix was written")))
+            }
+            Outcome { end: Err(failure), .. } => Err(failure.into()),
+        }
     }
 }
 

@@ -33,10 +33,7 @@ impl MechanismsCommand {
     pub fn execute(&self, console: &Console) -> Result<(), Stop> {
         let scene = self.at.place(self.scene.load(console)?)?;
         let folder = self.process.folder(&scene);
-        let (scene, found) = self.process.compute(scene, |scene| {
-            let found = mechanisms(&scene.system, &scene.state)?;
-            Ok((scene, found))
-        })?;
+        let (scene, found) = self.process.compute(scene, |scene| Ok(mechanisms(&scene.system, &scene.state)?))?;
         let claimed = claim(&folder, &FILES, false)?;
         let record = MechanismsRecord { scene: &scene.name, found: &found };
         let motions = mechanism_motions(&scene.name, &found);

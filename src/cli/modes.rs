@@ -43,7 +43,7 @@ impl ModesCommand {
         let scene = At { at: is_file.then(|| self.at.clone()) }.place(self.scene.load(console)?)?;
         let folder = self.process.folder(&scene);
         let (number, from_equilibrium) = (self.number.get(), at == "equilibrium");
-        let (scene, found) = self.process.compute(scene, move |mut scene| {
+        let (scene, found) = self.process.compute(scene, move |scene| {
             if from_equilibrium {
                 let found = equilibrium(&scene.system, &scene.state, EquilibriumOptions::default())?;
                 if matches!(found.stability, Stability::None | Stability::NotConverged) {
@@ -51,8 +51,7 @@ impl ModesCommand {
                 }
                 scene.state = found.state;
             }
-            let found = modes(&scene.system, &scene.state, number)?;
-            Ok((scene, found))
+            Ok(modes(&scene.system, &scene.state, number)?)
         })?;
         let claimed = claim(&folder, &FILES, false)?;
         let record = ModesRecord { scene: &scene.name, at: &at, found: &found };

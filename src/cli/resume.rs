@@ -13,7 +13,7 @@ use sprung::{Error, Result, State, System};
 use std::collections::HashMap;
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 pub struct Parts<'s> {
@@ -180,24 +180,23 @@ fn differences(found: &str, ours: &str) -> Vec<String> {
     told.into_iter().map(in_words).collect()
 }
 
-pub struct Earlier {
-    folder: PathBuf,
-    /// A sentence on the run of the folder's summary.
-    run: Option<String>,
-    /// Its files that this run does not write.
-    removed: Vec<&'static str>,
+/// What an earlier run left in the folder.
+pub struct Earlier<'a> {
+    folder: &'a Path,
+    files: &'a Files,
+    resume: bool,
+    /// Where the run is to be resumed.
     checkpoint: Option<Checkpoint>,
     /// The run of the checkpoint came to its end.
     is_finished: bool,
 }
 
-impl Earlier {
-    pub fn of(folder: &Path, resume: bool, files: &Files) -> Result<Self> {
+impl<'a> Earlier<'a> {
+    pub fn of(folder: &'a Path, resume: bool, files: &'a Files) -> Result<Self> {
         let unfinished = if resume { Checkpoint::read(folder)? } else { None };
         let is_finished = resume && unfinished.is_none();
         let checkpoint = if is_finished { Checkpoint::read_finished(folder)? } else { unfinished };
-        let removed = files.removed(folder);
-        Ok(Self { folder: folder.into(), run: earlier_run(folder), removed, checkpoint, is_finished })
+        Ok(Self { folder, files, resume, checkpoint, is_finished })
     }
 
     pub fn every(&self) -> Option<NonZeroU64> {
@@ -206,9 +205,10 @@ impl Earlier {
 
     /// The checkpoint to continue from, if that is requested and possible; notes what happens to the earlier run. An error for an
     /// unfinished checkpoint of another run, and for none where this run writes none.
-    pub fn checkpoint(self, console: &Console, resume: bool, parts: &Parts) -> Result<Option<Checkpoint>> {
-        let Self { folder, run, removed, checkpoint, is_finished } = self;
-        let replaces = match &removed[..] {
+    pub fn checkpoint(self, console: &Console, parts: &Parts) -> Result<Option<Checkpoint>> {
+        let Self { folder, files, resume, checkpoint, is_finished } = self;
+        let run = earlier_run(folder);
+        let replaces = match &files.removed(folder)[..] {
             [] => "this run replaces its files".to_owned(),
             [names @ .., last] => {
                 let names = if names.is_empty() { String::new() } else { format!("{} and ", names.join(", ")) };

@@ -169,7 +169,7 @@ impl Run {
                 length: self.length_text(plan, schedule, system),
             }),
         };
-        let from = earlier.checkpoint(console, self.resume, &parts)?;
+        let from = earlier.checkpoint(console, &parts)?;
         let mut state = from.as_ref().map_or_else(|| start.clone(), Checkpoint::state);
         let begun = parts.begin(from.as_ref(), &state).map_err(|error| error.in_file(file))?;
         end_in_order();

@@ -9,6 +9,7 @@ use signal_hook::flag::{register, register_conditional_shutdown};
 use sprung::Error;
 use sprung::interrupt::Interrupt;
 use std::io;
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Once, OnceLock, mpsc};
 use std::time::Duration;
@@ -72,11 +73,6 @@ fn thread_count(text: &str) -> Result<u16, String> {
     count.ok_or_else(|| "must be a whole number from 1 to 1024".to_owned())
 }
 
-enum Message<T, R> {
-    Progress(T),
-    Done(R),
-}
-
 impl Threads {
     pub fn install<T: Send>(&self, compute: impl FnOnce() -> Result<T, Stop> + Send) -> Result<T, Stop> {
         self.pool()?.install(compute)
@@ -93,13 +89,13 @@ impl Threads {
         let (sender, receiver) = mpsc::channel();
         self.pool()?.spawn(move || {
             // After an interruption nobody receives.
-            let result = compute(&mut |progress| _ = sender.send(Message::Progress(progress)));
-            let _ = sender.send(Message::Done(result));
+            let result = compute(&mut |progress| _ = sender.send(ControlFlow::Continue(progress)));
+            let _ = sender.send(ControlFlow::Break(result));
         });
         while !is_interrupted() {
             match receiver.recv_timeout(Duration::from_millis(20)) {
-                Ok(Message::Progress(progress)) => observe(progress),
-                Ok(Message::Done(result)) => return Ok(Some(result)),
+                Ok(ControlFlow::Continue(progress)) => observe(progress),
+                Ok(ControlFlow::Break(result)) => return Ok(Some(result)),
                 Err(mpsc::RecvTimeoutError::Timeout) => {}
                 Err(mpsc::RecvTimeoutError::Disconnected) => break,
             }

@@ -18,20 +18,16 @@ impl Scene {
         let row = |v: &Vector3<f64>| Row::of(v, dimension);
         let motions = system.prescribed().motions();
         let mut positions = state.positions.clone();
+        let mut axes = BTreeMap::<(usize, usize), [bool; 3]>::new();
+        for (dof, start, motion) in system.prescribed().iter() {
+            axes.entry((dof.particle, motion)).or_default()[dof.axis] = true;
+            if let Motion::Path { .. } = motions[motion] {
+                positions[dof.particle][dof.axis] = start;
+            }
+        }
         let mut groups = BTreeMap::<(usize, [bool; 3]), Vec<u32>>::new();
-        let coordinates: Vec<_> = system.prescribed().iter().collect();
-        for of_particle in coordinates.chunk_by(|(a, ..), (b, ..)| a.particle == b.particle) {
-            let mut axes = BTreeMap::<usize, [bool; 3]>::new();
-            for &(dof, start, motion) in of_particle {
-                axes.entry(motion).or_default()[dof.axis] = true;
-                if let Motion::Path { .. } = motions[motion] {
-                    positions[dof.particle][dof.axis] = start;
-                }
-            }
-            for (motion, axes) in axes {
-                let particle = of_particle.first().map(|(dof, ..)| dof.particle as u32);
-                groups.entry((motion, axes)).or_default().extend(particle);
-            }
+        for ((particle, motion), axes) in axes {
+            groups.entry((motion, axes)).or_default().push(particle as u32);
         }
         let entry = |((motion, axes), particles): ((usize, [bool; 3]), Vec<u32>)| {
             let axes: Vec<AxisName> = AxisName::ALL.into_iter().filter(|axis| axes[axis.index()]).collect();
