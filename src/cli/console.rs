@@ -65,10 +65,8 @@ impl Console {
                 _ => write!(text, "{} left", time_span(seconds as f64)),
             };
         };
-        match ProgressStyle::with_template(template) {
-            Ok(style) => bar.with_style(style.with_key("eta", eta)),
-            Err(_) => bar,
-        }
+        let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+        bar.with_style(style.with_key("eta", eta))
     }
 
     pub fn step_bar(&self, steps: u64) -> ProgressBar {

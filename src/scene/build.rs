@@ -85,8 +85,7 @@ impl Scene {
         };
         let springs = self.springs(&mesh.vertices, &mesh.edges)?;
         self.check_edges(&mesh, &springs)?;
-        let masses = Quantity { key: "particles.masses", count: n, of: "particles", rule: Rule::Positive };
-        let masses = masses.required(self.particles.masses.as_ref())?;
+        let masses = required("particles.masses", &self.particles.masses, (n, "particles"), Rule::Positive)?;
         let constraints = self.constraints.iter().enumerate();
         let constraints = constraints.map(|(index, entry)| constraint(index, entry, dimension));
         let builder = SystemBuilder {
@@ -120,19 +119,18 @@ impl Scene {
         Rule::Positive.check("mesh.scale", scale)?;
         let folder = self.file.as_deref().and_then(std::path::Path::parent).unwrap_or("".as_ref());
         let path = folder.join(&mesh.file);
-        let named = |error: Error| {
+        let invalid = |rule: &str| Invalid::new("mesh.file", format!("{:?}", mesh.file), rule);
+        let mut geometry = MeshGeometry::load(&path).map_err(|error| {
             // A path written as in the scene is not repeated.
             let is_as_written = path.as_os_str() == mesh.file.as_str();
             let (text, start) = (error.to_string(), format!("{}: ", path.display()));
-            let rule = text.strip_prefix(&start).filter(|_| is_as_written).unwrap_or(&text);
-            Invalid::new("mesh.file", format!("{:?}", mesh.file), rule)
-        };
-        let mut geometry = MeshGeometry::load(&path).map_err(named)?;
+            invalid(text.strip_prefix(&start).filter(|_| is_as_written).unwrap_or(&text))
+        })?;
         geometry.vertices.iter_mut().for_each(|x| *x *= scale);
         if let Some(vertex) = geometry.vertices.iter().position(|x| !State::is_finite_vector(x)) {
             let (number, place) = (geometry.number(vertex), Vec::from_iter(&geometry.vertices[vertex]));
             let rule = format!("vertex {number} is at {place:?} m: must be at most 1e150 in size");
-            return Err(Invalid::new("mesh.file", format!("{:?}", mesh.file), rule).into());
+            return Err(invalid(&rule).into());
         }
         if let Some(weld) = mesh.weld {
             Rule::NotNegative.check("mesh.weld", weld)?;
@@ -192,8 +190,7 @@ impl Scene {
         let drag = match &self.drag {
             None => Vec::new(),
             Some(Drag { coefficient }) => {
-                let key = "drag.coefficient";
-                Quantity { key, count, of: "particles", rule: Rule::NotNegative }.check(coefficient)?;
+                checked("drag.coefficient", coefficient, (count, "particles"), Rule::NotNegative)?;
                 (0..count).map(|p| coefficient.get(p)).collect()
             }
         };
@@ -207,13 +204,14 @@ impl Scene {
         Ok(Loads { forces, drag, gravity })
     }
 
-    fn springs(&self, positions: &[Vector3<f64>], pairs: &[[u32; 2]]) -> Result<Vec<Spring>, Invalid> {
-        let quantity = |key, rule| Quantity { key, count: pairs.len(), of: "springs", rule };
-        let stiffness = quantity("springs.stiffness", Rule::Positive).required(self.springs.stiffness.as_ref())?;
-        let rest_lengths = self.springs.rest_lengths.as_ref();
-        rest_lengths.map_or(Ok(()), |lengths| quantity("springs.rest_lengths", Rule::NotNegative).check(lengths))?;
-        let damping = self.springs.damping.as_ref().unwrap_or(&Values::Uniform(0.0));
-        quantity("springs.damping", Rule::NotNegative).check(damping)?;
+    fn springs<'s>(&'s self, positions: &[Vector3<f64>], pairs: &[[u32; 2]]) -> Result<Vec<Spring>, Invalid> {
+        let items = (pairs.len(), "springs");
+        let optional = |key, values: &'s Option<Values>| {
+            values.as_ref().map(|values| checked(key, values, items, Rule::NotNegative)).transpose()
+        };
+        let stiffness = required("springs.stiffness", &self.springs.stiffness, items, Rule::Positive)?;
+        let rest_lengths = optional("springs.rest_lengths", &self.springs.rest_lengths)?;
+        let damping = optional("springs.damping", &self.springs.damping)?.unwrap_or(&Values::Uniform(0.0));
         let spring = |(s, pair): (usize, &[u32; 2])| Spring {
             stiffness: stiffness.get(s),
             rest_length: match rest_lengths {
@@ -269,30 +267,25 @@ fn vector(key: &str, index: Option<usize>, row: &Row, dimension: usize) -> Resul
     Err(Invalid { index, ..Invalid::new(key, format!("{row:?}"), rule) })
 }
 
-struct Quantity {
-    key: &'static str,
-    count: usize,
-    of: &'static str,
-    rule: Rule,
+/// The number of particles or springs, and what they are.
+type Items = (usize, &'static str);
+
+/// Checks a number for all, which has no index, and the length of a list; the builder checks its numbers.
+fn checked<'v>(key: &str, values: &'v Values, (count, of): Items, rule: Rule) -> Result<&'v Values, Invalid> {
+    match values {
+        Values::Uniform(value) => rule.check(key, *value)?,
+        Values::Each(values) => check_length(key, values.len(), count, of)?,
+    }
+    Ok(values)
 }
 
-impl Quantity {
-    /// Checks a number for all, which has no index, and the length of a list; the builder checks its numbers.
-    fn check(&self, values: &Values) -> Result<(), Invalid> {
-        match values {
-            Values::Uniform(value) => self.rule.check(self.key, *value),
-            Values::Each(values) => check_length(self.key, values.len(), self.count, self.of),
-        }
-    }
-
-    fn required<'v>(&self, values: Option<&'v Values>) -> Result<&'v Values, Invalid> {
-        match values {
-            Some(values) => self.check(values).map(|()| values),
-            None if self.count == 0 => Ok(&Values::Uniform(f64::NAN)),
-            None => {
-                let rule = format!("must be given, one number for all or one for {}", each(self.count, self.of));
-                Err(Invalid::new(self.key, "", rule))
-            }
+fn required<'v>(key: &str, values: &'v Option<Values>, items: Items, rule: Rule) -> Result<&'v Values, Invalid> {
+    match values {
+        Some(values) => checked(key, values, items, rule),
+        None if items.0 == 0 => Ok(&Values::Uniform(f64::NAN)),
+        None => {
+            let rule = format!("must be given, one number for all or one for {}", each(items.0, items.1));
+            Err(Invalid::new(key, "", rule))
         }
     }
 }

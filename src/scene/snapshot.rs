@@ -68,9 +68,8 @@ impl Scene {
             ActuationEntry { springs, path: FactorPath { times, factors } }
         });
         let tension_only = match &behaviour.tension_only[..] {
-            [] => None,
-            flags if flags.iter().all(|&flag| flag) => Some(Flags::Uniform(true)),
-            flags if flags.iter().all(|&flag| !flag) => None,
+            flags if !flags.contains(&true) => None,
+            flags if !flags.contains(&false) => Some(Flags::Uniform(true)),
             flags => Some(Flags::Each(flags.to_vec())),
         };
         Self {
