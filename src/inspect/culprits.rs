@@ -20,7 +20,7 @@ use crate::system::System;
 use nalgebra::Vector3;
 
 /// A spring with negative curvature along a direction.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Culprit {
     /// The spring.
     pub spring: usize,
@@ -33,6 +33,7 @@ pub struct Culprit {
     /// `wᵀK^s w`, its curvature along u, in N/m; negative.
     pub curvature: f64,
     /// The curvature `uᵀAu` along u without the transverse term of this spring, in N/m.
+    #[serde(rename = "without_transverse")]
     pub relieved: f64,
 }
 
@@ -92,7 +93,7 @@ pub fn direction(system: &System, extensions: &SpringGeometry, option: Stiffness
 }
 
 /// Culprits that share particles.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Cluster {
     /// The springs, by their largest share in any direction.
     pub springs: Vec<usize>,

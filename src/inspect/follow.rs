@@ -90,7 +90,7 @@ impl<'s> DefinitenessWatch<'s> {
 }
 
 /// A point of a run.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Passed {
     /// Steps done.
     pub step: u64,
@@ -99,7 +99,7 @@ pub struct Passed {
 }
 
 /// Energy from nowhere.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Gain {
     /// The growth of energy since its lowest balance, in J: a passive system has none.
     pub gained: f64,

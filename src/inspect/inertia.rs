@@ -52,7 +52,7 @@ use rand::rngs::Xoshiro256PlusPlus;
 /// assert_eq!((inertia.negative, inertia.zero, inertia.positive), (2, 0, 1));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Inertia {
     /// Eigenvalues below the band.
     pub negative: usize,
@@ -63,8 +63,10 @@ pub struct Inertia {
     /// Half the width of the band around zero, for the equilibrated matrix C, relative to `‖C‖` (maximum norm).
     pub band: f64,
     /// Bound on `‖C ± τ − L B Lᵀ‖/‖C‖` for the factorizations that were counted: measured, or rigorous where that is smaller.
+    #[serde(skip)]
     pub factorization_error: f64,
     /// The factorization in which it was counted.
+    #[serde(skip)]
     pub method: InertiaMethod,
     /// True if a rigorous bound of rounding errors proves that at least `negative` eigenvalues of the stored matrix are negative and at least
     /// `positive` are positive; otherwise the count is right with the probability of the measured error.

@@ -35,7 +35,7 @@ use faer::Par;
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 
 /// A set of springs without whose transverse terms A is positive definite, proven by a factorization.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct DropSet {
     /// The springs; where the set is irredundant, in the order of their parts in the negative curvature.
     pub springs: Vec<usize>,
@@ -44,6 +44,7 @@ pub struct DropSet {
     /// A proven lower bound for the size of such a set.
     pub at_least: usize,
     /// The number of springs that option II (`tension`) drops: all that are compressed.
+    #[serde(rename = "tension_drops")]
     pub tension: usize,
 }
 
@@ -238,7 +239,8 @@ impl<'s> Trial<'s> {
 }
 
 /// The minimality of a [`DropSet`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Minimality {
     /// None of the springs can be spared.
     Irredundant,

@@ -1,9 +1,7 @@
 //! An inspection as JSON.
 
 use super::{InspectionReport, part};
-use crate::inspect::{
-    Cluster, Culprit, Direction, DropSet, FirstLosses, Minimality, OptionInspection, SkipReason, Skipped, Turn,
-};
+use crate::inspect::{Direction, FirstLosses, OptionInspection, Passed, SkipReason, Skipped, Turn};
 use crate::report::list;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::{Value, json};
@@ -15,7 +13,7 @@ impl Serialize for InspectionReport<'_> {
         let Self { scene, step, time, inspection, losses } = self;
         let examined = inspection.examined();
         let inertia = &examined.inertia;
-        let lowest = inspection.directions.first();
+        let culprits = inspection.directions.first().map(|lowest| &lowest.culprits[..]);
         let mut map = serializer.serialize_map(None)?;
         map.serialize_entry("scene", scene)?;
         map.serialize_entry("step", step)?;
@@ -27,10 +25,10 @@ impl Serialize for InspectionReport<'_> {
         map.serialize_entry("definite_proven", &inspection.is_proven())?;
         map.serialize_entry("growing_modes", &inspection.growing_modes)?;
         map.serialize_entry("compressed_springs", &inspection.compressed_springs)?;
-        map.serialize_entry("culprits", &lowest.map_or(Vec::new(), |lowest| list(&lowest.culprits, culprit)))?;
+        map.serialize_entry("culprits", &json!(culprits.unwrap_or_default()))?;
         map.serialize_entry("directions", &list(&inspection.directions, direction))?;
-        map.serialize_entry("clusters", &list(&inspection.clusters, cluster))?;
-        map.serialize_entry("smallest_set", &inspection.smallest_set.as_ref().map(smallest_set))?;
+        map.serialize_entry("clusters", &json!(inspection.clusters))?;
+        map.serialize_entry("smallest_set", &json!(inspection.smallest_set))?;
         map.serialize_entry("options", &Options(&inspection.options))?;
         map.serialize_entry("turning", &inspection.turn.as_ref().map(turn))?;
         map.serialize_entry("left_out", &list(&inspection.skipped, left_out))?;
@@ -39,7 +37,7 @@ impl Serialize for InspectionReport<'_> {
             if let Some(loss) = &losses.definite {
                 let first_loss = json!({
                     "step": loss.step, "time": loss.time, "stiffness": loss.option.name(), "negative": loss.negative,
-                    "culprits": list(&loss.culprits, culprit),
+                    "culprits": loss.culprits,
                 });
                 map.serialize_entry("first_loss", &first_loss)?;
             }
@@ -69,12 +67,7 @@ impl Serialize for OptionRecord<'_> {
 
 /// Adds what is known of A under an option; `within` are proven ends of the intervals of λ, `null` where there is no proof.
 fn serialize_option<M: SerializeMap>(map: &mut M, option: &OptionInspection, definite: bool) -> Result<(), M::Error> {
-    let inertia = &option.inertia;
-    let signs = json!({
-        "negative": inertia.negative, "zero": inertia.zero, "positive": inertia.positive, "band": inertia.band,
-        "proven": inertia.proven,
-    });
-    map.serialize_entry("inertia", &signs)?;
+    map.serialize_entry("inertia", &json!(option.inertia))?;
     map.serialize_entry("definite", &definite)?;
     map.serialize_entry("lambda_min", &option.smallest)?;
     map.serialize_entry("lambda_max", &option.largest)?;
@@ -93,22 +86,8 @@ fn direction(direction: &Direction) -> Value {
     });
     json!({
         "eigenvalue": direction.eigenvalue, "stiffness_curvature": direction.stiffness_curvature,
-        "culprits": list(&direction.culprits, culprit), "particles": movers,
+        "culprits": direction.culprits, "particles": movers,
     })
-}
-
-fn cluster(cluster: &Cluster) -> Value {
-    let Cluster { springs, particles, eigenvalue, strain, .. } = cluster;
-    json!({ "springs": springs, "particles": particles, "eigenvalue": eigenvalue, "strain": strain })
-}
-
-fn smallest_set(set: &DropSet) -> Value {
-    let DropSet { springs, at_least, tension, minimality } = set;
-    let minimality = match minimality {
-        Minimality::Irredundant => "irredundant",
-        Minimality::Enough => "enough",
-    };
-    json!({ "springs": springs, "minimality": minimality, "at_least": at_least, "tension_drops": tension })
 }
 
 fn left_out(skipped: &Skipped) -> Value {
@@ -122,28 +101,16 @@ fn left_out(skipped: &Skipped) -> Value {
 
 /// The first losses, `null` for what was kept or not looked for.
 fn first_lost(losses: &FirstLosses) -> Value {
-    let turning = losses.turning.as_ref().map(|(at, lost)| {
-        let mut record = turn(lost);
+    let lost_at = |at: Passed, mut record: Value| {
         record["step"] = json!(at.step);
         record["time"] = json!(at.time);
         record
-    });
-    let energy = losses.energy.map(
-        |(at, gain)| json!({ "step": at.step, "time": at.time, "gained": gain.gained, "exchanged": gain.exchanged }),
-    );
+    };
     json!({
         "definite": losses.definite.as_ref().map(|loss| json!({ "step": loss.step, "time": loss.time })),
-        "stable": losses.stable.map(|at| json!({ "step": at.step, "time": at.time })),
-        "turning": turning,
-        "energy": energy,
-    })
-}
-
-fn culprit(culprit: &Culprit) -> Value {
-    let Culprit { spring, particles, strain, share, curvature, relieved, .. } = culprit;
-    json!({
-        "spring": spring, "particles": particles, "strain": strain, "share": share, "curvature": curvature,
-        "without_transverse": relieved,
+        "stable": losses.stable,
+        "turning": losses.turning.as_ref().map(|(at, lost)| lost_at(*at, turn(lost))),
+        "energy": losses.energy.map(|(at, gain)| lost_at(at, json!(gain))),
     })
 }
 
