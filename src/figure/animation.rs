@@ -4,7 +4,6 @@ use super::SceneTopology;
 use super::decimation::Decimation;
 use crate::system::State;
 use nalgebra::Vector3;
-use std::borrow::Cow;
 
 /// Curves over time that belong to a motion.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +28,6 @@ pub struct Animation {
     /// Everything that moves, as it was before decimation.
     whole: SceneTopology,
     decimation: Option<Decimation>,
-    shown: Option<SceneTopology>,
     /// Time of every frame, in s; or another ascending number by which frames are found.
     pub times: Vec<f64>,
     /// The symbol and the unit of `times`: `t` and `s`.
@@ -55,14 +53,11 @@ impl Animation {
 
     /// As [`new`](Self::new), showing no more than so many particles and springs.
     pub fn with_limits(title: impl Into<String>, topology: SceneTopology, particles: usize, springs: usize) -> Self {
-        let decimation = Decimation::of(&topology, particles, springs);
-        let shown = decimation.as_ref().map(|decimation| decimation.topology(&topology));
         Self {
             title: title.into(),
             remarks: Vec::new(),
+            decimation: Decimation::of(&topology, particles, springs),
             whole: topology,
-            decimation,
-            shown,
             times: Vec::new(),
             clock: ["t", "s"],
             positions: Vec::new(),
@@ -102,7 +97,7 @@ impl Animation {
 
     /// The shown part of the scene.
     pub fn cast(&self) -> &SceneTopology {
-        self.shown.as_ref().unwrap_or(&self.whole)
+        self.decimation.as_ref().map_or(&self.whole, |decimation| &decimation.topology)
     }
 
     /// Particles and springs of the scene, whether shown or not.
@@ -132,12 +127,13 @@ impl Animation {
     }
 
     /// All curves: those added, and the range of strains over the frames where there is more than one.
-    pub fn all_tracks(&self) -> Vec<Cow<'_, Track>> {
-        let mut all: Vec<Cow<'_, Track>> = self.tracks.iter().map(Cow::Borrowed).collect();
+    pub fn all_tracks(&self) -> Vec<Track> {
+        let mut all = self.tracks.clone();
         if self.times.len() > 1 && !self.whole.pairs.is_empty() {
             let percent = |end: usize| self.extremes.iter().map(|ends| 100.0 * ends[end]).collect();
             let track = |title: &str, unit: &str, curves| {
-                Cow::Owned(Track { title: title.into(), unit: unit.into(), times: self.times.clone(), curves })
+                let times = self.times.clone();
+                Track { title: title.into(), unit: unit.into(), times, curves }
             };
             let strains = vec![("most stretched".into(), percent(0)), ("most compressed".into(), percent(1))];
             all.push(track("strain of all springs", "%", strains));

@@ -12,9 +12,8 @@ use nalgebra::Vector3;
 pub struct Decimation {
     /// The particles that are shown, by their numbers in the scene.
     pub founders: Vec<u32>,
-    group: Vec<u32>,
-    /// Groups that springs join, each pair once.
-    lines: Vec<[u32; 2]>,
+    /// The scene that is shown: a particle for every group, and a line for every pair of groups that springs join.
+    pub(super) topology: SceneTopology,
     /// The line of every spring; `u32::MAX` within a group, as everywhere here for nothing.
     line: Vec<u32>,
     /// One over the number of springs of every line.
@@ -31,11 +30,12 @@ impl Decimation {
         let mut wanted = particles.min(count).max(1);
         loop {
             let decimation = Self::with(topology, wanted);
-            if decimation.lines.len() <= springs || wanted <= 1 {
+            let lines = decimation.topology.pairs.len();
+            if lines <= springs || wanted <= 1 {
                 return Some(decimation);
             }
             // Groups have more neighbours than particles: fewer of them until their lines are few enough.
-            let most = (wanted as f64 * springs as f64 / decimation.lines.len() as f64) as usize;
+            let most = (wanted as f64 * springs as f64 / lines as f64) as usize;
             wanted = most.min(wanted - 1).max(1);
         }
     }
@@ -70,26 +70,22 @@ impl Decimation {
         let mut share = vec![0.0; lines.len()];
         line.iter().filter_map(|&l| share.get_mut(l as usize).map(|n| *n += 1.0)).for_each(drop);
         share.iter_mut().for_each(|n: &mut f64| *n = 1.0 / n.max(1.0));
-        Self { founders, group, lines, line, share }
-    }
-
-    pub(super) fn topology(&self, whole: &SceneTopology) -> SceneTopology {
-        let bindings = self.founders.iter().filter_map(|&p| whole.bindings.get(p as usize).copied()).collect();
         let mut triangles: Vec<[u32; 3]> =
-            whole.triangles.iter().map(|corners| corners.map(|p| at(&self.group, p))).collect();
+            topology.triangles.iter().map(|corners| corners.map(|p| at(&group, p))).collect();
         triangles.retain(|[a, b, c]| a != b && b != c && c != a);
         triangles.sort_unstable();
         triangles.dedup();
-        let mean = |values: &[f64]| -> Vec<f64> { self.mean_of_springs(values).map(f64::from).collect() };
-        SceneTopology {
-            dimension: whole.dimension,
-            gravity: whole.gravity,
-            bindings,
-            pairs: self.lines.clone(),
-            rest_lengths: mean(&whole.rest_lengths),
-            stiffnesses: mean(&whole.stiffnesses),
+        let mean = |values: &[f64]| means(&line, &share, values).map(f64::from).collect();
+        let shown = SceneTopology {
+            dimension: topology.dimension,
+            gravity: topology.gravity,
+            bindings: founders.iter().filter_map(|&p| topology.bindings.get(p as usize).copied()).collect(),
+            rest_lengths: mean(&topology.rest_lengths),
+            stiffnesses: mean(&topology.stiffnesses),
+            pairs: lines,
             triangles,
-        }
+        };
+        Self { founders, topology: shown, line, share }
     }
 
     pub(super) fn positions<'a>(&'a self, positions: &'a [Vector3<f64>]) -> impl Iterator<Item = Vector3<f64>> + 'a {
@@ -98,14 +94,18 @@ impl Decimation {
 
     /// For every line the mean of a value of its springs.
     pub(super) fn mean_of_springs(&self, values: &[f64]) -> impl Iterator<Item = f32> {
-        let mut sums = vec![0.0; self.lines.len()];
-        for (&line, value) in self.line.iter().zip(values) {
-            if let Some(sum) = sums.get_mut(line as usize) {
-                *sum += value;
-            }
-        }
-        sums.into_iter().zip(self.share.clone()).map(|(sum, share)| (sum * share) as f32)
+        means(&self.line, &self.share, values)
     }
+}
+
+fn means(line: &[u32], share: &[f64], values: &[f64]) -> impl Iterator<Item = f32> {
+    let mut sums = vec![0.0; share.len()];
+    for (&line, value) in line.iter().zip(values) {
+        if let Some(sum) = sums.get_mut(line as usize) {
+            *sum += value;
+        }
+    }
+    sums.into_iter().zip(share).map(|(sum, share)| (sum * share) as f32)
 }
 
 /// Gathers particles into groups of at most `size`: the group of every particle, and the founder of every group. Bound particles found first: they are shown.

@@ -23,8 +23,6 @@ pub(super) struct Encoded {
     pub about: About,
     /// The bytes in base64.
     pub data: String,
-    /// Frames of the animation that were left out.
-    pub left_out: usize,
 }
 
 #[derive(Serialize)]
@@ -161,9 +159,9 @@ fn with_frames(animation: &Animation, every: usize) -> Encoded {
         strain: scale,
         sections,
         channels: json!({"places": places, "strain": strain}),
-        tracks: animation.all_tracks().iter().map(|track| panel(track)).collect(),
+        tracks: animation.all_tracks().iter().map(panel).collect(),
     };
-    Encoded { about, data: compressed(&bytes), left_out: animation.times.len() - frames }
+    Encoded { about, data: compressed(&bytes) }
 }
 
 /// The corners of the box around all positions; of none, a point.

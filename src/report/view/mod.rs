@@ -9,7 +9,7 @@ pub use motions::{Motion, Motions};
 use super::number::{count, pretty, typeset};
 use super::page::{self, footer};
 use crate::figure::{Animation, Binding};
-use encode::Encoded;
+use encode::{Encoded, encode};
 use maud::{Markup, PreEscaped, html};
 use std::io;
 
@@ -20,23 +20,7 @@ pub fn html(animation: &Animation) -> io::Result<String> {
 
 /// As [`html()`], with at most so many bytes of data.
 pub fn within(animation: &Animation, limit: usize) -> io::Result<String> {
-    player(animation, &encode::encode(animation, limit))
-}
-
-/// The program, in the order in which its parts use each other; the last one is that of the page.
-const SCRIPTS: [&str; 8] = [
-    include_str!("decode.js"),
-    include_str!("camera.js"),
-    include_str!("raster.js"),
-    include_str!("draw.js"),
-    include_str!("pick.js"),
-    include_str!("tracks.js"),
-    include_str!("gestures.js"),
-    include_str!("stage.js"),
-];
-const CONTROLS: &str = include_str!("controls.js");
-
-fn player(animation: &Animation, encoded: &Encoded) -> io::Result<String> {
+    let encoded = &encode(animation, limit);
     let header = html! {
         p.lead { (lead(animation)) }
         p.told { (typeset(&summary(animation))) }
@@ -54,6 +38,19 @@ fn player(animation: &Animation, encoded: &Encoded) -> io::Result<String> {
     };
     document(&animation.title, &header, &body, encoded, CONTROLS)
 }
+
+/// The program, in the order in which its parts use each other; the last one is that of the page.
+const SCRIPTS: [&str; 8] = [
+    include_str!("decode.js"),
+    include_str!("camera.js"),
+    include_str!("raster.js"),
+    include_str!("draw.js"),
+    include_str!("pick.js"),
+    include_str!("tracks.js"),
+    include_str!("gestures.js"),
+    include_str!("stage.js"),
+];
+const CONTROLS: &str = include_str!("controls.js");
 
 /// A page of a picture: its title, what stands below that, its content, its data, and the script that steers it.
 fn document(title: &str, header: &Markup, body: &Markup, encoded: &Encoded, script: &str) -> io::Result<String> {
@@ -109,15 +106,10 @@ fn summary(animation: &Animation) -> String {
 
 fn notes(animation: &Animation, encoded: &Encoded) -> Vec<String> {
     let thinned = thinned(animation).map(|note| note + " The curves below are of all springs.");
-    let mut notes = Vec::from_iter(thinned);
-    if encoded.left_out > 0 {
-        let all = animation.times.len();
-        notes.push(format!(
-            "Thinned: {} of {all} frames are shown, evenly spaced, so that this file stays small.",
-            encoded.about.frames
-        ));
-    }
-    notes
+    let [shown, all] = [encoded.about.frames, animation.times.len()];
+    let spaced = (shown < all)
+        .then(|| format!("Thinned: {shown} of {all} frames are shown, evenly spaced, so that this file stays small."));
+    thinned.into_iter().chain(spaced).collect()
 }
 
 /// A sentence on the neighbourhoods that a thinned scene shows.
