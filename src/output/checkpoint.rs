@@ -66,8 +66,8 @@ impl Checkpoint {
         writeln!(lines, "{FORMAT}")?;
         serde_json::to_writer(&mut lines, self).map_err(io::Error::from)?;
         lines.write_all(b"\n")?;
-        let (_, checksum) = lines.so_far();
-        writeln!(file, "{}", checksum.text())
+        let LogPosition { checksum, .. } = lines.position();
+        writeln!(file, "{checksum}")
     }
 
     /// Reads the checkpoint of a folder; `None` where there is none.

@@ -25,36 +25,34 @@ pub struct LogPosition {
     pub checksum: String,
 }
 
-#[derive(Serialize)]
-struct Row {
-    time: f64,
-    kinetic: Option<f64>,
-    elastic: Option<f64>,
-    gravitational: Option<f64>,
-    total: Option<f64>,
-    work: Option<f64>,
-    dissipated: Option<f64>,
-    imbalance: Option<f64>,
-}
+const COLUMNS: [&str; 8] = ["time", "kinetic", "elastic", "gravitational", "total", "work", "dissipated", "imbalance"];
 
 impl EnergyLog {
-    fn new(target: PathBuf, file: Tally<AtomicFile>) -> Self {
-        let rows = csv::WriterBuilder::new().has_headers(file.bytes == 0).from_writer(file);
-        Self { target, rows }
+    fn new(target: PathBuf, file: Tally<AtomicFile>) -> Result<Self> {
+        let is_empty = file.bytes == 0;
+        let mut log = Self { target, rows: csv::Writer::from_writer(file) };
+        if is_empty {
+            log.add(COLUMNS)?;
+        }
+        Ok(log)
+    }
+
+    fn add(&mut self, row: impl Serialize) -> Result<()> {
+        self.rows.serialize(row).map_err(|error| Error::io(&self.target, io::Error::from(error)))
     }
 
     /// Starts the file.
     pub fn create(target: impl Into<PathBuf>) -> Result<Self> {
         let target = target.into();
         let file = AtomicFile::create(&target)?;
-        Ok(Self::new(target, Tally::new(file)))
+        Self::new(target, Tally::new(file))
     }
 
     /// Starts a file that a later process can continue.
     pub fn create_resumable(target: impl Into<PathBuf>) -> Result<Self> {
         let target = target.into();
         let file = AtomicFile::create_resumable(&target)?;
-        Ok(Self::new(target, Tally::new(file)))
+        Self::new(target, Tally::new(file))
     }
 
     /// Continues a file after a position.
@@ -66,30 +64,21 @@ impl EnergyLog {
         let is_right = |bytes: &[u8]| Checksum::of(bytes).text() == position.checksum;
         let file = AtomicFile::resume(&target, position.bytes, is_right)?;
         let before = std::fs::read(file.unfinished()).map_err(|source| Error::io(&target, source))?;
-        Ok(Self::new(target, Tally { inner: file, bytes: position.bytes, checksum: Checksum::of(&before) }))
+        Self::new(target, Tally { inner: file, bytes: position.bytes, checksum: Checksum::of(&before) })
     }
 
     /// The position up to which everything is in the file, whatever happens to the process.
     pub fn position(&mut self) -> Result<LogPosition> {
         self.rows.flush().map_err(|source| Error::io(&self.target, source))?;
-        let (bytes, checksum) = self.rows.get_ref().so_far();
-        Ok(LogPosition { bytes, checksum: checksum.text() })
+        Ok(self.rows.get_ref().position())
     }
 
     /// Adds the row of a time, in s: the energy of the state, and the balance since the start.
     pub fn push(&mut self, time: f64, energy: &Energy, balance: &Balance) -> Result<()> {
-        let finite = |value: f64| value.is_finite().then_some(value);
-        let row = Row {
-            time,
-            kinetic: finite(energy.kinetic),
-            elastic: finite(energy.elastic),
-            gravitational: finite(energy.gravitational),
-            total: finite(energy.total()),
-            work: finite(balance.work),
-            dissipated: finite(balance.dissipated),
-            imbalance: finite(balance.imbalance),
-        };
-        self.rows.serialize(row).map_err(|error| Error::io(&self.target, io::Error::from(error)))
+        let Energy { kinetic, elastic, gravitational } = *energy;
+        let Balance { work, dissipated, imbalance } = *balance;
+        let energies = [kinetic, elastic, gravitational, energy.total(), work, dissipated, imbalance];
+        self.add((time, energies.map(|value| value.is_finite().then_some(value))))
     }
 
     /// Completes the file.
@@ -141,9 +130,8 @@ impl<W> Tally<W> {
         Self { inner, bytes: 0, checksum: Checksum::default() }
     }
 
-    /// Bytes so far, and their checksum.
-    pub fn so_far(&self) -> (u64, Checksum) {
-        (self.bytes, self.checksum)
+    pub fn position(&self) -> LogPosition {
+        LogPosition { bytes: self.bytes, checksum: self.checksum.text() }
     }
 }
 
