@@ -20,8 +20,7 @@ pub struct Frames {
     triangles: Vec<[u32; 3]>,
     trajectory: Trajectory,
     vtk: bool,
-    series: Vec<(f64, u64)>,
-    /// Length of the series at which the list is written next.
+    /// Number of frames at which the list is written next.
     list_at: usize,
 }
 
@@ -30,7 +29,7 @@ impl Frames {
     pub fn create(folder: impl Into<PathBuf>, every: NonZeroU64) -> Result<Self> {
         let folder = folder.into();
         let trajectory = Trajectory::create(&folder)?;
-        Ok(Self { folder, every, triangles: Vec::new(), trajectory, vtk: true, series: Vec::new(), list_at: 1 })
+        Ok(Self { folder, every, triangles: Vec::new(), trajectory, vtk: true, list_at: 1 })
     }
 
     /// Continues after the frames that [`position`](Self::position) listed.
@@ -40,12 +39,12 @@ impl Frames {
     pub fn resume(
         folder: impl Into<PathBuf>,
         every: NonZeroU64,
-        series: Vec<(f64, u64)>,
+        frames: Vec<(f64, u64)>,
         system: &System,
     ) -> Result<Self> {
         let folder = folder.into();
-        let trajectory = Trajectory::resume(&folder, &series, system)?;
-        Ok(Self { folder, every, triangles: Vec::new(), trajectory, vtk: true, series, list_at: 1 })
+        let trajectory = Trajectory::resume(&folder, frames, system)?;
+        Ok(Self { folder, every, triangles: Vec::new(), trajectory, vtk: true, list_at: 1 })
     }
 
     /// Keeps what a later process needs to continue.
@@ -57,7 +56,7 @@ impl Frames {
     /// Time, in s, and step of every frame so far, all of which are in files, whatever happens to the process.
     pub fn position(&mut self) -> Result<Vec<(f64, u64)>> {
         self.trajectory.flush()?;
-        Ok(self.series.clone())
+        Ok(self.trajectory.frames.clone())
     }
 
     /// With the triangles of a mesh in every frame.
@@ -76,15 +75,15 @@ impl Frames {
             return Ok(());
         }
         self.trajectory.push(system, state, step)?;
-        self.series.push((state.time, step));
         if !self.vtk {
             return Ok(());
         }
         write_frame(self.folder.join(name(step)), system, state, &self.triangles)?;
         // Rewritten whenever it has grown by an eighth, the list is valid even when the process is killed, at a total cost proportional to its length.
-        if self.series.len() >= self.list_at {
+        let frames = self.trajectory.frames.len();
+        if frames >= self.list_at {
             self.write_list()?;
-            self.list_at = self.series.len() + self.series.len() / 8 + 1;
+            self.list_at = frames + frames / 8 + 1;
         }
         Ok(())
     }
@@ -100,7 +99,7 @@ impl Frames {
     fn write_list(&self) -> Result<()> {
         AtomicFile::write(self.folder.join("frames.pvd"), |file| {
             writeln!(file, "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>")?;
-            for &(time, step) in &self.series {
+            for &(time, step) in &self.trajectory.frames {
                 writeln!(file, "<DataSet timestep=\"{time:?}\" part=\"0\" file=\"{}\"/>", name(step))?;
             }
             writeln!(file, "</Collection>\n</VTKFile>")

@@ -1,7 +1,7 @@
 //! Matrices and vectors as [Matrix Market](https://math.nist.gov/MatrixMarket/formats.html) files, whose indices count from 1, and the files of a failed step.
 
 use super::AtomicFile;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::inspect::Inspection;
 use crate::integrate::StepMatrices;
 use crate::operator::LinearOperator;
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// the iterator's order. `entries` is their number, which the format states first. Lines of `comment` go into the file's head.
 ///
 /// # Errors
-/// [`Error::Io`] when the file cannot be written, or when the iterator does not yield `entries` entries of the lower triangle.
+/// [`Error::Io`](crate::Error::Io) when the file cannot be written, or when the iterator does not yield `entries` entries of the lower triangle.
 ///
 /// # Examples
 /// ```
@@ -72,14 +72,11 @@ fn head(file: &mut AtomicFile, kind: &str, comment: &str) -> io::Result<()> {
 
 /// Writes the coordinate of each row, as CSV with the header `row,particle,axis`; rows and particles count from 0, the axis is a letter.
 pub fn write_dofs(target: impl Into<PathBuf>, dofs: &DofMap) -> Result<()> {
-    let target = target.into();
-    let mut rows = csv::Writer::from_writer(AtomicFile::create(&target)?);
-    let failed = |error: csv::Error| Error::io(&target, io::Error::from(error));
-    rows.write_record(["row", "particle", "axis"]).map_err(failed)?;
-    for (row, dof) in dofs.iter().enumerate() {
-        rows.serialize((row, dof.particle, dof.axis_name())).map_err(failed)?;
-    }
-    rows.into_inner().map_err(|failed| Error::io(&target, failed.into_error()))?.commit()
+    AtomicFile::write(target, |file| {
+        writeln!(file, "row,particle,axis")?;
+        let mut rows = dofs.iter().enumerate();
+        rows.try_for_each(|(row, dof)| writeln!(file, "{row},{},{}", dof.particle, dof.axis_name()))
+    })
 }
 
 /// The files of a [failed step](write_failed_step).

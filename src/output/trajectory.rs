@@ -28,8 +28,8 @@ pub struct Trajectory {
     /// The temporary file: of every frame positions, then velocities, in little-endian doubles. Removed when dropped, unless kept.
     file: BufWriter<File>,
     path: TempPath,
-    times: Vec<f64>,
-    steps: Vec<u64>,
+    /// Time and step of every frame.
+    pub frames: Vec<(f64, u64)>,
 }
 
 impl Trajectory {
@@ -38,30 +38,29 @@ impl Trajectory {
         std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
         let path = folder.join(WAITING);
         let file = File::options().read(true).write(true).create(true).truncate(true).open(&path);
-        Self::new(folder, file, path, Vec::new(), Vec::new())
+        Self::new(folder, file, path, Vec::new())
     }
 
-    fn new(folder: &Path, file: io::Result<File>, path: PathBuf, times: Vec<f64>, steps: Vec<u64>) -> Result<Self> {
+    fn new(folder: &Path, file: io::Result<File>, path: PathBuf, frames: Vec<(f64, u64)>) -> Result<Self> {
         let failed = |source| Error::io(&path, source);
         let file = BufWriter::with_capacity(1 << 18, file.map_err(failed)?);
         let path = TempPath::try_from_path(&path).map_err(failed)?;
-        Ok(Self { target: folder.join(TRAJECTORY), file, path, times, steps })
+        Ok(Self { target: folder.join(TRAJECTORY), file, path, frames })
     }
 
     /// Continues after frames of these times and steps, from the temporary file or from the trajectory of a finished run.
     ///
     /// # Errors
     /// [`Error::Io`] when neither has them.
-    pub fn resume(folder: &Path, frames: &[(f64, u64)], system: &System) -> Result<Self> {
+    pub fn resume(folder: &Path, frames: Vec<(f64, u64)>, system: &System) -> Result<Self> {
         let path = folder.join(WAITING);
         let length = (2 * 8 * system.particles() * system.dimension() * frames.len()) as u64;
         let waits = std::fs::metadata(&path).is_ok_and(|file| file.len() >= length);
         if !waits && folder.join(TRAJECTORY).is_file() {
             let target = folder.join(TRAJECTORY);
-            restore(&target, &path, frames, system).map_err(|source| Error::io(target, source))?;
+            restore(&target, &path, &frames, system).map_err(|source| Error::io(target, source))?;
         }
-        let (times, steps) = frames.iter().copied().unzip();
-        let mut trajectory = Self::new(folder, truncated(&path, length), path, times, steps)?;
+        let mut trajectory = Self::new(folder, truncated(&path, length), path, frames)?;
         trajectory.keep();
         Ok(trajectory)
     }
@@ -84,8 +83,7 @@ impl Trajectory {
                 self.file.write_all(&value.to_le_bytes()).map_err(|source| Error::io(&self.path, source))?;
             }
         }
-        self.times.push(state.time);
-        self.steps.push(step);
+        self.frames.push((state.time, step));
         Ok(())
     }
 
@@ -93,12 +91,12 @@ impl Trajectory {
     pub fn finish(mut self, system: &System, triangles: &[[u32; 3]]) -> Result<()> {
         self.flush()?;
         let mut frames = BufReader::with_capacity(1 << 18, self.file.get_ref());
-        let [n, axes, count] = [system.particles(), system.dimension(), self.times.len()];
+        let [n, axes, count] = [system.particles(), system.dimension(), self.frames.len()];
         let springs = system.springs();
         AtomicFile::write(&self.target, |file| {
             let mut npz = NpzWriter::new(file);
-            npz.put("times", &[count], self.times.iter().copied())?;
-            npz.put("steps", &[count], self.steps.iter().copied())?;
+            npz.put("times", &[count], self.frames.iter().map(|(time, _)| *time))?;
+            npz.put("steps", &[count], self.frames.iter().map(|(_, step)| *step))?;
             npz.put("masses", &[n], system.masses().iter().copied())?;
             npz.put("bindings", &[n], Binding::of(system).into_iter().map(|binding| binding as u8))?;
             npz.put("pairs", &[springs.len(), 2], system.pairs().iter().flatten().copied())?;
@@ -249,17 +247,17 @@ mod tests {
         drop(trajectory);
         assert!(waiting.exists());
         let missing = [(0.0, 0), (0.5, 1), (1.0, 2), (1.5, 3)];
-        assert!(Trajectory::resume(folder.path(), &missing, &system).is_err());
+        assert!(Trajectory::resume(folder.path(), missing.to_vec(), &system).is_err());
         // The frame after the checkpoint is written again.
         let known = [(0.0, 0), (0.5, 1)];
-        let mut trajectory = Trajectory::resume(folder.path(), &known, &system).unwrap();
+        let mut trajectory = Trajectory::resume(folder.path(), known.to_vec(), &system).unwrap();
         let other = frame(&start, 5);
         trajectory.push(&system, &other, 2).unwrap();
         trajectory.flush().unwrap();
         assert_eq!(std::fs::metadata(&waiting).unwrap().len(), bytes);
         let all = [known[0], known[1], (2.5, 2)];
         drop(trajectory);
-        Trajectory::resume(folder.path(), &all, &system).unwrap().finish(&system, &[]).unwrap();
+        Trajectory::resume(folder.path(), all.to_vec(), &system).unwrap().finish(&system, &[]).unwrap();
         let expected = [&states[0], &states[1], &other].map(|state| planar(&state.velocities)).concat();
         assert_eq!(numbers(folder.path(), "velocities"), expected);
         assert_eq!(numbers(folder.path(), "times"), [0.0, 0.5, 2.5]);
