@@ -18,26 +18,25 @@ pub fn chart_html(chart: &WorkPrecision, map: &StabilityMap) -> String {
     };
     let named = |names: &[&str]| {
         let chosen = figures.iter().filter(|figure| names.contains(&figure.name));
-        page::figures(&chosen.map(picture).collect::<Vec<_>>())
+        page::figures(chosen.map(picture))
     };
-    let section = |id, heading: &str, body: &Markup| page::section(id, &html! { (heading) }, body);
     let body = html! {
         div.banner.passed {
             strong { "What to use" }
             ul { @for sentence in chart.recommendations() { li { (typeset(&sentence)) } } }
         }
-        (section("methods", "The best option of each method", &methods(chart)))
-        (section("speed", "Speed against accuracy", &html! {
+        (page::section("methods", "The best option of each method", &methods(chart)))
+        (page::section("speed", "Speed against accuracy", &html! {
             p {
                 "Every point is one run of the whole motion. Of each method the stiffness option and solver that cost least over \
                  all accuracies are drawn; for one accuracy another may cost less. Work is counted in force evaluations of this scene: it is the same as often as a run is repeated, time is not."
             }
             (named(&["time", "work", "error"]))
         }))
-        (section("options", "Stiffness options and solvers", &named(&["options-euler", "options-w2"])))
-        (section("drift", "What methods add or take away", &named(&["energy", "angular-momentum"])))
-        @if !map.tiles.is_empty() { (section("stability", "Where methods are stable", &stability(map))) }
-        (section("runs", "All runs", &page::folded(&number::count(chart.runs.len(), "run"), &runs(&chart.runs))))
+        (page::section("options", "Stiffness options and solvers", &named(&["options-euler", "options-w2"])))
+        (page::section("drift", "What methods add or take away", &named(&["energy", "angular-momentum"])))
+        @if !map.tiles.is_empty() { (page::section("stability", "Where methods are stable", &stability(map))) }
+        (page::section("runs", "All runs", &page::folded(&number::count(chart.runs.len(), "run"), &runs(&chart.runs))))
     };
     let lead = format!(
         "A motion of {} s; errors are measured against {}, whose own error is about {}.",
@@ -45,7 +44,7 @@ pub fn chart_html(chart: &WorkPrecision, map: &StabilityMap) -> String {
         chart.reference.method,
         pretty(chart.reference.error_estimate)
     );
-    page::page(&format!("Speed against accuracy: {}", chart.scene), &typeset(&lead), &body)
+    page::page(&format!("Speed against accuracy: {}", chart.scene), &lead, &body)
 }
 
 /// The option, solver and step of each method with the least work, for every accuracy that can be had.
@@ -119,7 +118,7 @@ fn stability(map: &StabilityMap) -> Markup {
             };
             page::figure(tiles::svg(&tile.figure()), &text(caption))
         });
-        page::figures(&tiles.collect::<Vec<_>>())
+        page::figures(tiles)
     };
     html! {
         p {

@@ -175,10 +175,10 @@ fn pictures(failed: &[(usize, &Check)], passed: &[(usize, &Check)], narrowest: u
     let figures = shown.iter().flat_map(|check| {
         let caption = html! { (mark(check.passed())) " " (check.scene) };
         let pictures = check.curves.iter().map(plot::svg).chain(check.drawing.iter().map(drawing::svg));
-        pictures.map(|svg| page::figure(svg, &caption)).collect::<Vec<_>>()
+        pictures.map(move |svg| page::figure(svg, &caption))
     });
     html! {
-        (page::figures(&figures.collect::<Vec<_>>()))
+        (page::figures(figures))
         @if all > shown.len() {
             p.quiet { "Figures of " (count(all - shown.len(), "further check")) " are left out; those nearest their bounds are shown." }
         }

@@ -72,7 +72,7 @@ pub fn definiteness_html(comparison: &Comparison) -> String {
     let profile = comparison.profile();
     let body = html! {
         div.banner.passed { strong { "Conclusion" } ul { @for sentence in comparison.conclusions() { li { (typeset(&sentence)) } } } }
-        (page::section("solves", &html! { "Every solve" }, &html! {
+        (page::section("solves", "Every solve", &html! {
             p {
                 "A matrix is refused where a Cholesky factorization finds it indefinite. Terms changed are transverse ones, dropped or with the other sign, \
                  in all matrices together. The energy is the incremental potential of the step, or the potential energy of the equilibrium."
@@ -80,7 +80,7 @@ pub fn definiteness_html(comparison: &Comparison) -> String {
             (page::table("Every solve", "full cards", &COLUMNS, rows))
         }))
         @if !profile.series.is_empty() {
-            (page::section("profile", &html! { "Performance profile" }, &page::figures(&[page::figure(plot::svg(&profile), &html! {
+            (page::section("profile", "Performance profile", &page::figures([page::figure(plot::svg(&profile), &html! {
                 "The part of the problems that an answer solves with at most τ times the fewest factorizations (Dolan and Moré, 2002): higher is better."
             })])))
         }
@@ -89,7 +89,7 @@ pub fn definiteness_html(comparison: &Comparison) -> String {
         "Backward Euler steps and the equilibrium from one start, to a residual of {} of the forces within {ITERATIONS} iterations.",
         pretty(TOLERANCE)
     );
-    page::page(&format!("Answers to indefinite matrices: {}", comparison.scene), &typeset(&lead), &body)
+    page::page(&format!("Answers to indefinite matrices: {}", comparison.scene), &lead, &body)
 }
 
 #[cfg(test)]

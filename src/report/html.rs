@@ -113,7 +113,7 @@ fn contents(claims: &[(Claim, Numbered<'_>)]) -> Markup {
         };
         let mut shares: Vec<f64> = checks.iter().map(|(_, check)| check.share()).collect();
         shares.sort_by(f64::total_cmp);
-        let alone = faults.iter().filter(|fault| fault.is_caught_by_one() && fault.claim() == claim.id()).count();
+        let alone = faults.iter().filter(|fault| fault.families == 1 && fault.claim() == claim.id()).count();
         let cells = vec![
             html! { a href=(format!("#{}", claim.id())) { (claim.title()) } br; small.quiet { (page::formula(claim.formula())) } },
             html! { (checks.len()) },
@@ -155,7 +155,7 @@ fn not_verified(results: &Results) -> Markup {
             (page::folded("What was not judged", &table))
         }
     };
-    page::section("not-verified", &html! { "What is not verified" }, &body)
+    page::section("not-verified", "What is not verified", &body)
 }
 
 fn reading() -> Markup {
@@ -189,7 +189,7 @@ fn reading() -> Markup {
         }
         (page::folded("Words and numbers", &html! { dl.reading { @for (term, meaning) in terms { dt { (term) } dd { (meaning) } } } }))
     };
-    page::section("reading", &html! { "How to read this" }, &body)
+    page::section("reading", "How to read this", &body)
 }
 
 #[derive(Deserialize)]
@@ -204,12 +204,8 @@ struct Fault {
 impl Fault {
     /// The claim that has the most tests of it.
     fn claim(&self) -> String {
-        let family = self.by.first().map(|(family, _)| family.split("::").next().unwrap_or_default());
+        let family = self.by.first().and_then(|(family, _)| family.split("::").next());
         family.unwrap_or_default().replace('_', "-")
-    }
-
-    fn is_caught_by_one(&self) -> bool {
-        self.families == 1
     }
 }
 
@@ -248,5 +244,5 @@ fn faults() -> Markup {
         }
         (page::folded("The faults, and which checks caught them", &table))
     };
-    page::section("faults", &html! { "What these checks catch" }, &body)
+    page::section("faults", "What these checks catch", &body)
 }

@@ -37,7 +37,7 @@ pub(super) fn footer() -> Markup {
 }
 
 /// A section that links can point to.
-pub fn section(id: &str, heading: &Markup, body: &Markup) -> Markup {
+pub fn section(id: &str, heading: &str, body: &Markup) -> Markup {
     html! { section id=(id) { h2 { (heading) } (body) } }
 }
 
@@ -47,8 +47,9 @@ pub fn figure(svg: String, caption: &Markup) -> Markup {
 }
 
 /// Pictures side by side where the page is wide enough.
-pub fn figures(all: &[Markup]) -> Markup {
-    html! { @if !all.is_empty() { div.figures { @for one in all { (one) } } } }
+pub fn figures(all: impl IntoIterator<Item = Markup>) -> Markup {
+    let mut all = all.into_iter().peekable();
+    html! { @if all.peek().is_some() { div.figures { @for one in all { (one) } } } }
 }
 
 /// A formula in Unicode; an underscore makes what follows, up to the end of the word, a subscript.

@@ -240,11 +240,6 @@ pub struct MechanismsRecord<'a> {
     pub found: &'a Mechanisms,
 }
 
-fn self_stresses(found: &Mechanisms) -> String {
-    let states = if found.self_stresses == 1 { "state" } else { "states" };
-    format!("{} {states} of self-stress", found.self_stresses)
-}
-
 /// The certainty of the rank in words.
 fn certainty(found: &Mechanisms) -> String {
     let [above, below] = found.proven_gap.map(pretty);
@@ -274,7 +269,7 @@ pub fn mechanisms_text(scene: &str, found: &Mechanisms) -> String {
     if found.rank + found.self_stresses > found.springs {
         text += "  springs of zero length resist in every direction: each counts as one for every axis\n";
     }
-    let _ = writeln!(text, "  {}", self_stresses(found));
+    let _ = writeln!(text, "  {}", count(found.self_stresses, "state of self-stress"));
     if !found.decided {
         let [kept, dropped] = found.gap.map(pretty);
         let what = format!("singular values of {kept} and {dropped}");

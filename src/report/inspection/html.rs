@@ -39,9 +39,9 @@ impl InspectionReport<'_> {
         let lead = format!("A = M/dt² − G/dt − K {when}, with dt = {dt} s and stiffness {stiffness}.");
         let body = html! {
             (banner(inspection))
-            (page::section("steps", &html! { "Which steps are safe" }, &steps(inspection, losses, pictures)))
-            (page::section("culprits", &html! { (heading(inspection)) }, &culprits(inspection, pictures)))
-            (page::section("matrix", &html! { "The matrix" }, &matrix(inspection, pictures)))
+            (page::section("steps", "Which steps are safe", &steps(inspection, losses, pictures)))
+            (page::section("culprits", heading(inspection), &culprits(inspection, pictures)))
+            (page::section("matrix", "The matrix", &matrix(inspection, pictures)))
         };
         page::page(&format!("Definiteness of {scene}"), &lead, &body)
     }
@@ -128,7 +128,7 @@ fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictu
         }
         @let low_end = page::figure(plot::svg(&pictures.spectrum), &html! { "Eigenvalues below zero are directions in which A curves downwards." });
         @let curve = pictures.curve.as_ref().map(|curve| page::figure(plot::svg(curve), &html! { (typeset(&curves(inspection))) }));
-        (page::figures(&curve.into_iter().chain([low_end]).collect::<Vec<_>>()))
+        (page::figures(curve.into_iter().chain([low_end])))
     }
 }
 
@@ -245,7 +245,7 @@ fn matrix(inspection: &Inspection, pictures: &Pictures) -> Markup {
             }
         }
         @if let Some([matrix, factor]) = &pictures.patterns {
-            (page::figures(&[
+            (page::figures([
                 page::figure(spy::svg(matrix), &html! { "Entries of A that are not zero." }),
                 page::figure(spy::svg(factor), &html! { "Stored entries of its factor." }),
             ]))

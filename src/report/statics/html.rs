@@ -1,6 +1,6 @@
 //! Normal modes, mechanisms and load paths as what pages show.
 
-use super::{BALANCED, all, parts_remarks, ranges, self_stresses};
+use super::{BALANCED, all, parts_remarks, ranges};
 use crate::equilibrium::{CriticalLoad, Equilibrium, LoadPath, Stability};
 use crate::figure::{Animation, Axis, Guide, Plot, SceneTopology, Series, Track};
 use crate::mechanisms::Mechanisms;
@@ -89,8 +89,9 @@ pub fn mechanism_motions(scene: &str, found: &Mechanisms) -> Motions {
     let motions = found.motions.iter().zip(&found.movers).enumerate().map(motion).collect();
     let others = found.mechanisms.saturating_sub(found.rigid_motions);
     let [mechanisms, rigid] = [count(others, "mechanism"), count(found.rigid_motions, "rigid motion")];
+    let self_stresses = count(found.self_stresses, "state of self-stress");
     let mut facts = vec![
-        format!("{mechanisms} beside {rigid}; {}.", self_stresses(found)),
+        format!("{mechanisms} beside {rigid}; {self_stresses}."),
         "Small motions stretch no spring. Drawn large they are straight, and stretch springs that turn.".into(),
     ];
     if let Some(is_stable) = found.prestress_stable {
