@@ -312,7 +312,7 @@ impl<'r> Running<'r> {
             wall_seconds: *wall_seconds,
             statistics: *statistics,
             factor: None,
-            energy: EnergyChange::between(&monitor.initial(), &monitor.energy(), monitor.balance()),
+            energy: EnergyChange::of(monitor),
             error: error.map(|estimate| ErrorReport { estimate, kind: ErrorKind::Indicator }),
             warnings: warnings.iter().map(ToString::to_string).collect(),
             effort: Effort { run: effort, total: effort },

@@ -4,7 +4,6 @@ use crate::compute::Flag;
 use crate::recorded::Recorded;
 use crate::task::{Done, Pacing, Subject};
 use sprung::accuracy::{AccuracyOptions, Observer, run_to_accuracy};
-use sprung::force::Energy;
 use sprung::integrate::{Monitor, Schedule};
 use sprung::output::{EnergyChange, Summary};
 use sprung::{Result, State, System};
@@ -13,7 +12,6 @@ use std::time::Instant;
 /// What is kept of a run until it is known whether it is the answer.
 struct Kept {
     recorded: Recorded,
-    initial: Energy,
     energy: EnergyChange,
 }
 
@@ -31,13 +29,11 @@ impl Observer for Recorder<'_> {
         let Pacing { interval, duration, every, .. } = *self.pacing;
         let mut recorded = Recorded::new(self.system, Schedule::duration(interval, duration).len(), every)?;
         recorded.push(0, self.start, monitor);
-        let initial = monitor.initial();
-        let energy = EnergyChange::between(&initial, &initial, monitor.balance());
-        Ok(Kept { recorded, initial, energy })
+        Ok(Kept { recorded, energy: EnergyChange::of(monitor) })
     }
 
     fn record(&mut self, kept: &mut Kept, number: u64, state: &State, monitor: &Monitor) -> Result<()> {
-        kept.energy = EnergyChange::between(&kept.initial, &monitor.energy(), monitor.balance());
+        kept.energy = EnergyChange::of(monitor);
         kept.recorded.push(number, state, monitor);
         Ok(())
     }

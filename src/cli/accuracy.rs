@@ -41,15 +41,12 @@ impl Observer for ProgressObserver<'_> {
             frames: self.files.start_frames(folder.path(), &self.schedule, self.scene, None)?,
             progress: ProgressBar::hidden(),
         };
-        let initial = monitor.initial();
-        let energy = EnergyChange::between(&initial, &initial, monitor.balance());
-        let mut run = RecordedRun { recorder, folder, energy };
-        run.recorder.record(&self.scene.system, &self.scene.state, 0, monitor)?;
-        Ok(run)
+        recorder.record(&self.scene.system, &self.scene.state, 0, monitor)?;
+        Ok(RecordedRun { recorder, folder, energy: EnergyChange::of(monitor) })
     }
 
     fn record(&mut self, run: &mut RecordedRun, number: u64, state: &State, monitor: &Monitor) -> Result<()> {
-        run.energy = EnergyChange::between(&monitor.initial(), &monitor.energy(), monitor.balance());
+        run.energy = EnergyChange::of(monitor);
         run.recorder.record(&self.scene.system, state, number, monitor)
     }
 

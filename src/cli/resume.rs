@@ -7,7 +7,7 @@ use super::console::{Console, number};
 use super::files::{Files, Recorder};
 use super::threads::is_interrupted;
 use sprung::integrate::{Monitor, MonitorOptions, Outcome, Schedule, Statistics, Status};
-use sprung::output::{Checkpoint, rows};
+use sprung::output::Checkpoint;
 use sprung::plan::{Plan, Stepper};
 use sprung::{Error, Result, State, System};
 use std::collections::HashMap;
@@ -133,8 +133,8 @@ impl<'s> Parts<'s> {
                 reached: part.len(),
                 steps: outcome.steps,
                 time: state.time,
-                positions: rows(&state.positions),
-                velocities: rows(&state.velocities),
+                positions: state.positions.clone(),
+                velocities: state.velocities.clone(),
                 statistics,
                 wall_seconds,
                 account: monitor.account(),

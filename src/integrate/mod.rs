@@ -54,6 +54,7 @@ pub use monitor::{
 };
 pub use newton::NewtonOptions;
 pub(crate) use progressive::Projection;
+pub(crate) use propagated_error::rows;
 pub use propagated_error::{CompletedStep, PropagatedError};
 pub use regularization::Regularization;
 pub use rodas4::Rodas4;

@@ -96,7 +96,7 @@ pub struct PropagatedError {
 }
 
 /// Lists of vectors as rows of numbers.
-mod rows {
+pub mod rows {
     use nalgebra::Vector3;
     use serde::{Deserialize, Deserializer, Serializer};
 

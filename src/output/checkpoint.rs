@@ -6,7 +6,7 @@
 use super::energy::{Checksum, Tally};
 use super::{AtomicFile, LogPosition, OutputFolder};
 use crate::error::{Error, Result};
-use crate::integrate::{MonitorCheckpoint, Statistics};
+use crate::integrate::{MonitorCheckpoint, Statistics, rows};
 use crate::memory;
 use crate::system::{State, System};
 use nalgebra::Vector3;
@@ -39,9 +39,11 @@ pub struct Checkpoint {
     /// Time, in s.
     pub time: f64,
     /// Positions, in m.
-    pub positions: Vec<[f64; 3]>,
+    #[serde(with = "rows")]
+    pub positions: Vec<Vector3<f64>>,
     /// Velocities, in m/s.
-    pub velocities: Vec<[f64; 3]>,
+    #[serde(with = "rows")]
+    pub velocities: Vec<Vector3<f64>>,
     /// Work done.
     pub statistics: Statistics,
     /// Seconds that the run has taken.
@@ -137,14 +139,8 @@ impl Checkpoint {
 
     /// The state.
     pub fn state(&self) -> State {
-        let vectors = |rows: &[[f64; 3]]| rows.iter().map(|&row| Vector3::from(row)).collect();
-        State { time: self.time, positions: vectors(&self.positions), velocities: vectors(&self.velocities) }
+        State { time: self.time, positions: self.positions.clone(), velocities: self.velocities.clone() }
     }
-}
-
-/// Vectors as rows of numbers.
-pub fn rows(vectors: &[Vector3<f64>]) -> Vec<[f64; 3]> {
-    vectors.iter().map(|&v| v.into()).collect()
 }
 
 /// A hash of everything in a scene that determines the bits of a run: the system and its initial state.
@@ -192,8 +188,8 @@ mod tests {
             reached: 10,
             steps: 10,
             time: 0.1 + 0.2,
-            positions: rows(&state.positions),
-            velocities: rows(&state.velocities),
+            positions: state.positions.clone(),
+            velocities: state.velocities.clone(),
             statistics: Statistics::default(),
             wall_seconds: 1.5,
             account: Monitor::new(system, state, MonitorOptions::default()).unwrap().account(),

@@ -12,7 +12,6 @@ use std::path::PathBuf;
 /// since the start of the run. An energy that is not finite is left empty. The file appears at [`finish`](Self::finish).
 #[derive(Debug)]
 pub struct EnergyLog {
-    target: PathBuf,
     rows: csv::Writer<Tally<AtomicFile>>,
 }
 
@@ -28,9 +27,9 @@ pub struct LogPosition {
 const COLUMNS: [&str; 8] = ["time", "kinetic", "elastic", "gravitational", "total", "work", "dissipated", "imbalance"];
 
 impl EnergyLog {
-    fn new(target: PathBuf, file: Tally<AtomicFile>) -> Result<Self> {
+    fn new(file: Tally<AtomicFile>) -> Result<Self> {
         let is_empty = file.bytes == 0;
-        let mut log = Self { target, rows: csv::Writer::from_writer(file) };
+        let mut log = Self { rows: csv::Writer::from_writer(file) };
         if is_empty {
             log.add(COLUMNS)?;
         }
@@ -38,21 +37,21 @@ impl EnergyLog {
     }
 
     fn add(&mut self, row: impl Serialize) -> Result<()> {
-        self.rows.serialize(row).map_err(|error| Error::io(&self.target, io::Error::from(error)))
+        self.rows.serialize(row).map_err(|error| self.error(error.into()))
+    }
+
+    fn error(&self, source: io::Error) -> Error {
+        Error::io(&self.rows.get_ref().inner.target, source)
     }
 
     /// Starts the file.
     pub fn create(target: impl Into<PathBuf>) -> Result<Self> {
-        let target = target.into();
-        let file = AtomicFile::create(&target)?;
-        Self::new(target, Tally::new(file))
+        Self::new(Tally::new(AtomicFile::create(target)?))
     }
 
     /// Starts a file that a later process can continue.
     pub fn create_resumable(target: impl Into<PathBuf>) -> Result<Self> {
-        let target = target.into();
-        let file = AtomicFile::create_resumable(&target)?;
-        Self::new(target, Tally::new(file))
+        Self::new(Tally::new(AtomicFile::create_resumable(target)?))
     }
 
     /// Continues a file after a position.
@@ -60,16 +59,15 @@ impl EnergyLog {
     /// # Errors
     /// [`Error::Io`] when it does not exist, or has other bytes.
     pub fn resume(target: impl Into<PathBuf>, position: &LogPosition) -> Result<Self> {
-        let target = target.into();
         let is_right = |bytes: &[u8]| Checksum::of(bytes).text() == position.checksum;
-        let file = AtomicFile::resume(&target, position.bytes, is_right)?;
-        let before = std::fs::read(file.unfinished()).map_err(|source| Error::io(&target, source))?;
-        Self::new(target, Tally { inner: file, bytes: position.bytes, checksum: Checksum::of(&before) })
+        let file = AtomicFile::resume(target, position.bytes, is_right)?;
+        let before = std::fs::read(file.unfinished()).map_err(|source| Error::io(&file.target, source))?;
+        Self::new(Tally { inner: file, bytes: position.bytes, checksum: Checksum::of(&before) })
     }
 
     /// The position up to which everything is in the file, whatever happens to the process.
     pub fn position(&mut self) -> Result<LogPosition> {
-        self.rows.flush().map_err(|source| Error::io(&self.target, source))?;
+        self.rows.flush().map_err(|source| self.error(source))?;
         Ok(self.rows.get_ref().position())
     }
 
@@ -83,8 +81,8 @@ impl EnergyLog {
 
     /// Completes the file.
     pub fn finish(self) -> Result<()> {
-        let Self { target, rows } = self;
-        rows.into_inner().map_err(|failed| Error::io(target, failed.into_error()))?.inner.commit()
+        let target = self.rows.get_ref().inner.target.clone();
+        self.rows.into_inner().map_err(|failed| Error::io(target, failed.into_error()))?.inner.commit()
     }
 }
 

@@ -11,7 +11,7 @@ use tempfile::{NamedTempFile, TempPath};
 /// then an older file of that name is untouched; dropped without it, nothing remains.
 #[derive(Debug)]
 pub struct AtomicFile {
-    target: PathBuf,
+    pub(super) target: PathBuf,
     file: BufWriter<NamedTempFile>,
 }
 

@@ -14,7 +14,7 @@ mod playback;
 mod summary;
 mod trajectory;
 
-pub use checkpoint::{Checkpoint, fingerprint, rows};
+pub use checkpoint::{Checkpoint, fingerprint};
 pub use energy::{EnergyLog, LogPosition};
 pub use files::{AtomicFile, OutputFolder};
 pub use final_state::{read_final_state, write_final_state};

@@ -3,7 +3,6 @@
 use super::AtomicFile;
 use crate::accuracy::{AccuracyOptions, Answer, StepControl, Verdict};
 use crate::error::Result;
-use crate::force::Energy;
 use crate::integrate::{Balance, Monitor, Outcome, RunFailure, Schedule, Statistics, Status, TimeStepper};
 use crate::linear::{CostModel, FactorReport, LinearSolver};
 use crate::plan::Plan;
@@ -182,7 +181,7 @@ impl RunRecord<'_> {
             wall_seconds: self.wall_seconds,
             statistics,
             factor,
-            energy: EnergyChange::between(&monitor.initial(), &monitor.energy(), monitor.balance()),
+            energy: EnergyChange::of(monitor),
             error: estimate.map(|estimate| ErrorReport { estimate, kind: ErrorKind::Indicator }),
             warnings: warnings.iter().map(ToString::to_string).collect(),
             effort: Effort { run: effort, total: effort },
@@ -237,9 +236,9 @@ pub struct EnergyChange {
 }
 
 impl EnergyChange {
-    /// The change from one energy to another, with its balance.
-    pub fn between(initial: &Energy, last: &Energy, balance: Balance) -> Self {
-        Self { initial: initial.total(), last: last.total(), balance }
+    /// The change from the start of a run to the state that its monitor has entered last.
+    pub fn of(monitor: &Monitor<'_>) -> Self {
+        Self { initial: monitor.initial().total(), last: monitor.energy().total(), balance: monitor.balance() }
     }
 }
 

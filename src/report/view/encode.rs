@@ -98,12 +98,10 @@ pub(super) fn encode(animation: &Animation, limit: usize) -> Encoded {
 fn with_frames(animation: &Animation, every: usize) -> Encoded {
     let topology = animation.cast();
     let [particles, springs] = [topology.bindings.len(), topology.pairs.len()];
-    let kept: Vec<usize> = (0..animation.times.len()).step_by(every).collect();
-    let frames = kept.len();
-    let frame_of = |k: &usize| animation.positions.get(k * particles..(k + 1) * particles).unwrap_or_default();
-    let positions = || kept.iter().flat_map(frame_of);
-    let strains_of = |k: &usize| animation.strains.get(k * springs..(k + 1) * springs).unwrap_or_default();
-
+    let times: Vec<f64> = animation.times.iter().copied().step_by(every).collect();
+    let frames = times.len();
+    let positions = || animation.positions.chunks(particles.max(1)).step_by(every).flatten();
+    let strains = || animation.strains.chunks(springs.max(1)).step_by(every).flatten();
     let (low, high) = extent(positions());
     let widest = (high - low).max();
     let quantum = if widest > 0.0 { widest / 65535.0 } else { 1.0 };
@@ -127,16 +125,15 @@ fn with_frames(animation: &Animation, every: usize) -> Encoded {
         let quanta: Vec<i32> = positions().map(|x| ((x[axis] - low[axis]) / quantum).round() as i32).collect();
         append(&mut bytes, &quanta, particles, true)
     });
-    let scale = strain_scale(kept.iter().flat_map(strains_of), frames * springs <= 4_000_000);
+    let scale = strain_scale(strains(), frames * springs <= 4_000_000);
     let levels = f64::from(scale.levels);
     let level = |&strain: &f32| {
         let part = f64::from(strain) / scale.largest;
         (levels * part.signum() * part.abs().sqrt()).round() as i32
     };
-    let levels: Vec<i32> = kept.iter().flat_map(strains_of).map(level).collect();
+    let levels: Vec<i32> = strains().map(level).collect();
     let strain = append(&mut bytes, &levels, springs, scale.levels > 127);
 
-    let times: Vec<f64> = kept.iter().filter_map(|&k| animation.times.get(k).copied()).collect();
     let speed = speed(&times);
     let about = About {
         dimension: topology.dimension,
@@ -155,7 +152,7 @@ fn with_frames(animation: &Animation, every: usize) -> Encoded {
         origin: low.into(),
         quantum,
         bounds: json!({"low": low.as_slice(), "high": high.as_slice()}),
-        spacing: spacing(topology.pairs.as_slice(), frame_of(&0), widest),
+        spacing: spacing(&topology.pairs, animation.positions.get(..particles).unwrap_or_default(), widest),
         strain: scale,
         sections,
         channels: json!({"places": places, "strain": strain}),

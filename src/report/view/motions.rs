@@ -2,9 +2,9 @@
 //! motion by one length; the page composes what lies between.
 
 use super::encode::{Amplitude, encode, extent};
-use super::{document, help, stage, switches, thinned};
+use super::{document, help, lead, stage, switches, thinned};
 use crate::figure::{Animation, SceneTopology};
-use crate::report::number::{count, pretty, typeset};
+use crate::report::number::{pretty, typeset};
 use maud::{Markup, html};
 use nalgebra::Vector3;
 use std::io;
@@ -65,9 +65,8 @@ impl Motions {
         let mut encoded = encode(&animation, usize::MAX);
         encoded.about.amplitude = Some(Amplitude { length, part: AMPLITUDE });
         encoded.about.tracks.clear();
-        let [particles, springs] = animation.whole();
         let header = html! {
-            p.lead { (count(particles, "particle")) ", " (count(springs, "spring")) }
+            p.lead { (lead(&animation)) }
             @for fact in &self.facts { p.told { (typeset(fact)) } }
             @for warning in &self.warnings { p.note { (typeset(warning)) } }
             @if shown < self.motions.len() {
