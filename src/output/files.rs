@@ -33,7 +33,6 @@ impl AtomicFile {
 
     /// As [`create`](Self::create), with a fixed name until it is finished, so that [`resume`](Self::resume) can continue it when the process ends early.
     pub fn create_resumable(target: impl Into<PathBuf>) -> Result<Self> {
-        // Checks the folder and the name.
         let Self { target, .. } = Self::create(target)?;
         let unfinished = unfinished(&target);
         let file = File::create(&unfinished).map_err(|source| Error::io(&unfinished, source))?;

@@ -11,8 +11,7 @@ use std::io::{self, Write};
 use std::num::NonZeroU64;
 use std::path::PathBuf;
 
-/// Writes the frames of a run, `frames/frame_000010.vtp` for step 10 and `frames.pvd` beside the folder, and all of them together as
-/// `trajectory.npz`.
+/// The frames of a run: `frames/frame_000010.vtp` for step 10, `frames.pvd` beside the folder, and all together as `trajectory.npz`.
 #[derive(Debug)]
 pub struct Frames {
     folder: PathBuf,

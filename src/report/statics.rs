@@ -92,7 +92,7 @@ pub fn equilibrium_text(scene: &str, found: &Equilibrium, path: Option<&LoadPath
 }
 
 /// Numbers with runs of neighbours as ranges, at most six of them.
-pub fn ranges(numbers: &[usize]) -> String {
+fn ranges(numbers: &[usize]) -> String {
     let mut runs: Vec<[usize; 2]> = Vec::new();
     for &number in numbers {
         match runs.last_mut() {
@@ -240,7 +240,6 @@ pub struct MechanismsRecord<'a> {
     pub found: &'a Mechanisms,
 }
 
-/// The certainty of the rank in words.
 fn certainty(found: &Mechanisms) -> String {
     let [above, below] = found.proven_gap.map(pretty);
     match (found.rank_is_exact, found.proven) {

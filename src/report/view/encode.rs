@@ -39,18 +39,14 @@ pub(super) struct About {
     /// True where a line stands for several springs.
     pub merged: bool,
     pub times: Vec<f64>,
-    /// The symbol and unit of times.
     pub clock: [&'static str; 2],
     #[serde(skip_serializing_if = "Option::is_none")]
     pub amplitude: Option<Amplitude>,
-    /// Seconds of motion in one second of playing.
     pub speed: f64,
-    /// Speeds to choose from, ascending.
     pub speeds: Vec<f64>,
     pub origin: [f64; 3],
     pub quantum: f64,
     bounds: Value,
-    /// About how long the shown springs are, in m.
     pub spacing: f64,
     pub strain: StrainScale,
     sections: BTreeMap<&'static str, [usize; 2]>,
@@ -75,7 +71,6 @@ pub(super) struct StrainScale {
 }
 
 impl StrainScale {
-    /// The largest error of a strain.
     pub fn error(&self) -> f64 {
         let level = 1.0 / f64::from(self.levels);
         self.largest * (level + level * level / 4.0)
@@ -190,7 +185,7 @@ fn decimal(digit: u32, power: i32) -> f64 {
     format!("{digit}e{power}").parse().unwrap_or(f64::INFINITY)
 }
 
-/// Real time where that lasts between 2 and 30 s; else the next larger of 1, 2 and 5 times a power of ten with which it lasts about 8 s.
+/// Seconds of motion in one second of playing: real time where that lasts between 2 and 30 s; else the next larger of 1, 2 and 5 times a power of ten with which it lasts about 8 s.
 fn speed(times: &[f64]) -> f64 {
     let length = times.last().zip(times.first()).map_or(0.0, |(last, first)| last - first);
     if length <= 0.0 || (2.0..=30.0).contains(&length) { 1.0 } else { round_up(length / 8.0) }
