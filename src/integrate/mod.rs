@@ -54,6 +54,7 @@ pub use monitor::{
 };
 pub use newton::NewtonOptions;
 pub(crate) use progressive::Projection;
+#[cfg(feature = "report")]
 pub(crate) use propagated_error::rows;
 pub use propagated_error::{CompletedStep, PropagatedError};
 pub use regularization::Regularization;
