@@ -36,7 +36,7 @@ impl Observer for ProgressObserver<'_> {
     fn begin(&mut self, monitor: &Monitor) -> Result<RecordedRun> {
         let folder = tempfile::Builder::new().prefix(".sprung-").tempdir_in(self.folder);
         let folder = folder.map_err(|source| Error::io(self.folder, source))?;
-        let recorder = Recorder {
+        let mut recorder = Recorder {
             energies: EnergyLog::create(folder.path().join("energy.csv"))?,
             frames: self.files.start_frames(folder.path(), &self.schedule, self.scene, None)?,
             progress: ProgressBar::hidden(),
