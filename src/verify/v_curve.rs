@@ -123,7 +123,8 @@ impl VCurve {
     fn rounding_slope(&self) -> Option<f64> {
         let dominates = |&&Point { h, error, .. }: &&Point| {
             let (rounding, others) = (self.rounding / h, worst([self.leading * h * h, self.offset]));
-            rounding <= 3.0 && rounding / 30.0 >= 10.0 * others && !(error < 1e-3 * rounding)
+            let vanishes = error < 1e-3 * rounding;
+            rounding <= 3.0 && rounding / 30.0 >= 10.0 * others && !vanishes
         };
         slope(self.points.iter().filter(dominates), 10)
     }
