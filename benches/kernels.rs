@@ -95,9 +95,9 @@ fn cg_iterations<const ITERATIONS: u64>(bencher: Bencher, scene: (&str, usize)) 
     let operator = operator(&system, &state);
     let mut solver =
         CgSolver::matrix_free(&system, PreconditionerKind::BlockJacobi, 1e-10).expect("a system that fits");
+    solver.method().iteration_limit = ITERATIONS;
     let mut work = Work::default();
     let mut solver = solver.prepare(&operator, &mut work).expect("a definite matrix");
-    solver.method().iteration_limit = ITERATIONS;
     let b = vec![1.0; system.dofs().len()];
     let mut x = b.clone();
     bencher.bench_local(|| {

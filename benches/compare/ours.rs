@@ -15,8 +15,8 @@ use sprung::assembly::{SpringPattern, SystemMatrix};
 use sprung::force::{SpringGeometry, add_elastic_force, add_weight};
 use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, TimeStepper};
 use sprung::linear::{
-    CgOutcome, Cholesky, CholeskyPlan, CholeskySolver, ConjugateGradient, Preconditioner, PreconditionerKind,
-    SolverChoice, SolverOptions,
+    CgOutcome, Cholesky, CholeskyPlan, ConjugateGradient, Preconditioner, PreconditionerKind, SolverChoice,
+    SolverOptions,
 };
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::plan::parallelism;
@@ -99,8 +99,8 @@ fn export(kind: &str, size: &str, folder: &Path) -> std::io::Result<()> {
 /// Whole steps with every solver: five, after five in which an automatic choice has been made.
 fn steps(kind: &str, size: &str) {
     let (system, state) = scene(kind, size).build().expect("a valid scene");
-    let factor = CholeskySolver::new(&system, faer::Par::Seq, &mut Work::default());
-    let flops = factor.map_or(f64::INFINITY, |factor| factor.size().flops);
+    let plan = CholeskyPlan::new(&system, faer::Par::Seq, &mut Work::default());
+    let flops = plan.map_or(f64::INFINITY, |plan| plan.size().flops);
     let name = format!("{kind} {size}");
     let solvers = [
         ("auto", SolverChoice::Auto, None),
