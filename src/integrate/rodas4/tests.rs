@@ -1,7 +1,7 @@
 use super::*;
 use crate::integrate::Status;
 use crate::integrate::fixtures::scene;
-use crate::linear::{Definiteness, LdltSolver, PreparedMatrix, Solution, SolverChoice, SolverOptions, norm};
+use crate::linear::{Definiteness, LdltSolver, PreparedMatrix, Solution, Solved, SolverChoice, SolverOptions, norm};
 use crate::operator::SystemOperator;
 use crate::spring::{Spring, Stiffness};
 use crate::system::fixtures::tethered;
@@ -185,13 +185,7 @@ impl LinearSolver for Inaccurate {
         self.solver.update(a, work)
     }
 
-    fn solve(
-        &mut self,
-        a: PreparedMatrix<'_>,
-        b: &[f64],
-        x: &mut [f64],
-        work: &mut Work,
-    ) -> Result<Solution, SolveFailure> {
+    fn solve(&mut self, a: PreparedMatrix, b: &[f64], x: &mut [f64], work: &mut Work) -> Solved {
         self.solver.solve(a, b, x, work)?;
         let mut shared = self.residual_and_largest.lock().unwrap();
         shared[1] = shared[1].max(norm(b));
